@@ -19,10 +19,13 @@ PUBLIC = {
     "msggen.doctor.watching": {"Plan", "observe"},
     "msggen.flight": {
         "BlockingFlight",
+        "Check",
+        "Component",
         "Executor",
         "Flight",
         "FlightError",
         "GlobalPlace",
+        "Health",
         "LOCAL_POSITION",
         "LimitError",
         "Limits",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from msggen.flight.answering import Check
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.checks import Problem, Severity
+from msggen.flight.checks import Health, Problem, Severity
 from msggen.flight.errors import (
     FlightError,
     LimitError,
@@ -25,6 +26,7 @@ from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
+from msggen.messages.events import Component
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 
 __all__ = [
@@ -35,11 +37,14 @@ __all__ = [
     "RATES",
     "TRAJECTORY",
     "BlockingFlight",
+    "Check",
+    "Component",
     "Deferral",
     "Executor",
     "Flight",
     "FlightError",
     "GlobalPlace",
+    "Health",
     "Keeps",
     "LimitError",
     "Limits",

@@ -9,7 +9,9 @@ import math
 from collections.abc import Coroutine, Sequence
 from typing import Any, TypeVar
 
+from msggen.flight.answering import Check
 from msggen.flight.elsewhere import Hinted
+from msggen.flight.equipment import Airspeed, Sticks, VehicleKind, Vtol, Wind
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Condition
 from msggen.flight.flight import Flight
@@ -116,7 +118,7 @@ class FlightCalls(Waits):
         """See `Flight.wait_for_status`."""
         self._wait(self._own.wait_for_status(condition, seconds))
 
-    def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
+    def add(self, *parts: type[Mode | Executor | Check] | Mode | Executor | Check) -> None:
         """See `Flight.add`."""
         self._wait(self._own.add(*parts))
 
@@ -155,6 +157,26 @@ class TelemetryCalls(Waits):
     def land(self) -> Land:
         """See `Telemetry.land`."""
         return self._wait(self._own.land())
+
+    def sticks(self) -> Sticks:
+        """See `Telemetry.sticks`."""
+        return self._wait(self._own.sticks())
+
+    def airspeed(self) -> Airspeed:
+        """See `Telemetry.airspeed`."""
+        return self._wait(self._own.airspeed())
+
+    def wind(self) -> Wind:
+        """See `Telemetry.wind`."""
+        return self._wait(self._own.wind())
+
+    def vtol(self) -> Vtol:
+        """See `Telemetry.vtol`."""
+        return self._wait(self._own.vtol())
+
+    def vehicle(self) -> VehicleKind:
+        """See `Telemetry.vehicle`."""
+        return self._wait(self._own.vehicle())
 
 
 class OffboardCalls(Waits):

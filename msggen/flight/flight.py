@@ -9,6 +9,7 @@ from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
+from msggen.flight.answering import Check
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
@@ -19,7 +20,8 @@ from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
-from msggen.flight.registered import NEEDED, Part, Parts
+from msggen.flight.part import NEEDED, Part
+from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.space import Frame
@@ -147,8 +149,8 @@ class Flight(Actions):
             self._parts.close()
         self._ending.close()
 
-    async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
-        """Register modes and executors, each as a class or an object. The mode of an executor is registered with it.
+    async def add(self, *parts: type[Mode | Executor | Check] | Mode | Executor | Check) -> None:
+        """Register modes, executors and checks, each as a class or an object. An executor comes with its mode.
 
         Raises RegistrationError, NoAnswerError, and UnsupportedError if the vehicle lacks messages or has other
         definitions of them.
@@ -156,10 +158,14 @@ class Flight(Actions):
         made = [each() if isinstance(each, type) else each for each in parts]
         executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
         given = {type(each): each for each in made if isinstance(each, Mode)}
-        if len(executors) + len(given) < len(made):
-            raise RegistrationError("expected one object of each mode and one executor for it: use subclasses")
+        checks = {type(each): each for each in made if isinstance(each, Check)}
+        if len(executors) + len(given) + len(checks) < len(made):
+            raise RegistrationError(
+                "expected one object of each mode and one executor for it, and one object of each check: use subclasses"
+            )
         modes = {owned: given.get(owned) or owned() for owned in executors} | given
-        await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
+        added = [Part(mode, executors.get(cls)) for cls, mode in modes.items()]
+        await self._own.add(added + [Part(each) for each in checks.values()])
 
     async def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
         """Select a mode: by its name in PX4, such as `hold` or `position`, by its nav_state, or a registered mode.

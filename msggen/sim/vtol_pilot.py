@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any
 
+from msggen.messages import vehicle_types
 from msggen.messages.commands import ACCEPTED, TEMPORARILY_REJECTED
 from msggen.messages.nav_states import EXTERNAL, LAND, RETURN, TAKEOFF, VTOL_TAKEOFF
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING
@@ -43,10 +44,10 @@ _TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 class State(IntEnum):
     """VTOL_VEHICLE_STATE of VtolVehicleStatus."""
 
-    TO_FORWARD = 1
-    TO_HOVER = 2
-    HOVER = 3
-    FORWARD = 4
+    TO_FORWARD = vehicle_types.TO_FIXED_WING
+    TO_HOVER = vehicle_types.TO_MULTICOPTER
+    HOVER = vehicle_types.HOVERING
+    FORWARD = vehicle_types.FORWARD
 
 
 class VtolPilot:

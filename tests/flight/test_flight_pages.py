@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 import msggen.flight
-from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, Mode
+from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, BlockingFlight, Executor, Flight, Mode
+from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
@@ -44,9 +45,14 @@ def test_the_programs_print_what_the_page_shows(
 
     monkeypatch.setattr(msggen.flight, "Flight", flight)
     monkeypatch.setattr(asyncio, "run", fly)
+    monkeypatch.setattr(
+        msggen.flight,
+        "BlockingFlight",
+        lambda _, types: BlockingFlight(SimVehicle(types)) if types is px4_types else None,
+    )
     names: dict[str, Any] = {}
     blocks = BLOCK.findall(TEXTS[page])
-    assert len(blocks) == {"flight": 7, "flight_safety": 1}[page]
+    assert len(blocks) == {"flight": 10, "flight_safety": 1}[page]
     for code, shown in blocks:
         names.pop("program", None)
         exec(code, names)  # noqa: S102 - the code of the page
