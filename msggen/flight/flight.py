@@ -154,11 +154,13 @@ class Flight(Actions):
         definitions of them.
         """
         made = [each() if isinstance(each, type) else each for each in parts]
-        executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
+        owned = [(each, _mode_of(each)) for each in made if isinstance(each, Executor)]
+        made += [mode for _, mode in owned if isinstance(mode, Mode) and mode not in made]
+        executors = {mode if isinstance(mode, type) else type(mode): each for each, mode in owned}
         given = {type(each): each for each in made if isinstance(each, Mode)}
         if len(executors) + len(given) < len(made):
             raise RegistrationError("expected one object of each mode and one executor for it: use subclasses")
-        modes = {owned: given.get(owned) or owned() for owned in executors} | given
+        modes = {cls: given.get(cls) or cls() for cls in executors} | given
         await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
 
     async def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
@@ -250,8 +252,8 @@ def _is_executor(part: type[Mode | Executor] | Mode | Executor) -> TypeIs[type[E
     return issubclass(part if isinstance(part, type) else type(part), Executor)
 
 
-def _mode_of(executor: Executor) -> type[Mode]:
-    mode: type[Mode] | None = getattr(executor, "mode", None)
+def _mode_of(executor: Executor) -> type[Mode] | Mode:
+    mode: type[Mode] | Mode | None = getattr(executor, "mode", None)
     if mode is None:
         name = type(executor).__name__
         raise RegistrationError(f"executor {name} has no mode: set its `mode`, which users select to start it")

@@ -41,6 +41,10 @@ class Registered(Protocol):
     feeds: Feeds
     overrides: Overrides
 
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle."""
+
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on."""
 
@@ -222,6 +226,11 @@ class Mode(Steered):
     def is_registered(self) -> bool:
         """Whether a flight has registered it."""
         return self._active is not None
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle: it is selected, and the vehicle is armed."""
+        return self._active is not None and self._active.is_active
 
     @property
     def _own(self) -> Registered:

@@ -151,7 +151,9 @@ class Charge:
                 raise
             await self._fail(FlightError(f"`run` of {self._name} was cancelled"))
         except Exception as error:  # noqa: BLE001 - whatever a program raises
-            if self._task is asyncio.current_task():
+            if self._task is asyncio.current_task() and getattr(error, "is_handled", False):
+                self._finish(error)
+            elif self._task is asyncio.current_task():
                 await self._fail(error)
             elif not isinstance(error, NotReachedError):
                 report(f"{self._name} is no longer in charge, and its end has failed", error)
