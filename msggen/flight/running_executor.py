@@ -166,7 +166,7 @@ class Charge:
         self._finish(error)
         report(f"{self._name} has failed", error)
         with suppress(FlightError):  # it is not registered any more
-            self.find(self.executor.mode).has_failed = True
+            self.find(self.executor.mode).has_failed = self._was_armed or self.executor.starts != "armed"
         with suppress(TimeoutError, FlightError):
             await self.actions.wait_for_status(self._is_left_alone, UNDER_WAY)
             try:

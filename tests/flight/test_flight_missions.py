@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from msggen.flight.errors import FlightError, RefusedError
+from msggen.flight.errors import FlightError, NotReachedError, RefusedError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.missions import (
@@ -689,6 +689,31 @@ def test_a_lost_position_interrupts_the_mission(types: Any) -> None:
         await vehicle.until(lambda: mission.is_running, 5.0)
         await vehicle.until(lambda: not mission.is_running, 60.0)
         assert mission.index is None
+
+    fly(types, program)
+
+
+def test_disarming_interrupts_the_mission(types: Any) -> None:
+    """Nothing is commanded, and the mission keeps its item."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        def fail(_: int) -> None:
+            raise ValueError("told, and no more")
+
+        mission = Mission(Plan((TAKE_OFF, at(40.0), ActionItem("land"))), on_progress=fail)
+        await flight.add(mission)
+        await flight.arm()
+        flying = asyncio.ensure_future(flight.fly(mission))
+        await vehicle.until(lambda: mission.index == 1, 20.0)
+        vehicle.kill()
+        before = len([each for each in vehicle.sent if "vehicle_command" in each.topic])
+        with pytest.raises(NotReachedError, match="disarmed"):
+            await flying
+        assert (mission.index, mission.is_running) == (1, False)
+        await asyncio.sleep(2.0)
+        assert len([each for each in vehicle.sent if "vehicle_command" in each.topic]) == before
+        await flight.arm()
+        await vehicle.until(lambda: mission.is_running, 1.0)
 
     fly(types, program)
 

@@ -9,9 +9,8 @@ from types import MappingProxyType
 from typing import Final
 
 from msggen.flight.errors import FlightError
-from msggen.flight.missions.expected import NOT_NEGATIVE, NUMBER, POSITIVE, TRUTH
-from msggen.flight.missions.handler import ON_FAILURE, ON_RESUME, Action, Arguments, Handler
-from msggen.flight.missions.plan import SETTINGS
+from msggen.flight.missions.handler import Action, Arguments, Handler
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, ActionItem
 from msggen.messages.nav_states import DESCEND
 
 LOGGER = getLogger("msggen.flight")
@@ -21,22 +20,16 @@ _HOLD_SECONDS = 1.0
 
 
 class _Takeoff(Action):
-    takes = MappingProxyType({"altitude": NUMBER})
-
     async def run(self, handler: Handler, arguments: Arguments) -> None:
         await handler.vehicle.takeoff(above_sea=arguments.get("altitude"))
 
 
 class _Land(Action):
-    takes = MappingProxyType({})
-
     async def run(self, handler: Handler, _: Arguments) -> None:
         await handler.vehicle.land()
 
 
 class _Return(Action):
-    takes = MappingProxyType({})
-
     def stops(self, _: Arguments) -> bool:
         return False
 
@@ -45,16 +38,12 @@ class _Return(Action):
 
 
 class _Hold(Action):
-    takes = MappingProxyType({"duration": NOT_NEGATIVE})
-
     async def run(self, handler: Handler, arguments: Arguments) -> None:
         await handler.vehicle.hold()
         await asyncio.sleep(arguments.get("duration", _HOLD_SECONDS))
 
 
 class _ChangeSettings(Action):
-    takes = MappingProxyType({**dict.fromkeys(SETTINGS, POSITIVE), "resetAll": TRUTH})
-
     def stops(self, _: Arguments) -> bool:
         return False
 
@@ -76,8 +65,8 @@ class _OnResume(Action):
             return
         if not await handler.has_landed() or handler.resumes_on_ground:
             return
-        item = handler.action_at(index)
-        if item is not None and item.name in {_LAND, _RETURN}:  # it has landed
+        item = handler.plan.items[index]
+        if isinstance(item, ActionItem) and item.name in {_LAND, _RETURN}:  # it has landed
             handler.index = (index + 1) % len(handler.plan.items)
             return
         takeoff = handler.plan.last_action(TAKEOFF, index)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from msggen.base.checked import shortened
+from msggen.flight.missions.plan import SETTINGS
 
 _LARGEST = 3.4e38
 """What a float32 holds."""
@@ -16,10 +17,6 @@ class Expected(NamedTuple):
 
     text: str
     holds: Callable[[Any], bool]
-
-    def wrong(self, value: object) -> str:
-        """Return what is wrong with a value without positions, or ""."""
-        return "" if self.holds(value) else f"expected {self.text}, got {shortened(value)}"
 
 
 def _number(least: float, most: float) -> Callable[[Any], bool]:
@@ -35,3 +32,14 @@ TRUTH: Final = Expected("true or false", lambda value: isinstance(value, bool))
 TEXT: Final = Expected("a text", lambda value: isinstance(value, str))
 OBJECT: Final = Expected("an object", lambda value: isinstance(value, dict))
 ARRAY: Final = Expected("an array", lambda value: isinstance(value, list))
+
+ARGUMENTS: Final[Mapping[str, Mapping[str, Expected]]] = MappingProxyType(
+    {
+        "takeoff": {"altitude": NUMBER},
+        "land": {},
+        "rtl": {},
+        "hold": {"duration": NOT_NEGATIVE},
+        "changeSettings": {**dict.fromkeys(SETTINGS, POSITIVE), "resetAll": TRUTH},
+    }
+)
+"""The actions that every mission has, and the arguments that each takes."""

@@ -9,18 +9,14 @@ from typing import Any, ClassVar, Literal, TypeAlias
 
 from msggen.base.diagnostics import suggestion
 from msggen.flight.actions import Actions
-from msggen.flight.errors import FlightError, RefusedError
+from msggen.flight.errors import FlightError, RefusedError, report
 from msggen.flight.executor import Executor
-from msggen.flight.missions.expected import Expected
 from msggen.flight.missions.legs import MissionMode, Segment
-from msggen.flight.missions.plan import RESUMING, ActionItem, Plan, Settings, Waypoint
+from msggen.flight.missions.plan import ActionItem, Plan, Settings
 from msggen.flight.places import GlobalPlace
 from msggen.flight.telemetry import has_landed
 
 LOGGER = getLogger("msggen.flight")
-ON_RESUME, ON_FAILURE = "onResume", "onFailure"
-HOOKS = (ON_RESUME, ON_FAILURE)
-"""The actions that are no items: the mission itself calls them."""
 
 Arguments: TypeAlias = Mapping[str, Any]
 Reason: TypeAlias = Literal["actionDoesNotExist", "noValidMission", "trajectoryFailure", "modeFailure", "other"]
@@ -37,8 +33,6 @@ class MissionError(FlightError):
 class Action:
     """An action of a mission. A subclass defines `run`. An `async def` function is an action with these defaults."""
 
-    takes: ClassVar[Mapping[str, Expected] | None] = None
-    """The arguments that a file may give. None: any."""
     resumes_on_ground: ClassVar[bool] = False
     """Whether a mission that was interrupted in it, and has landed, goes on with it at once."""
 
@@ -81,7 +75,10 @@ class Progress:
         self._index = index
         self.changed()
         if self._moved is not None and index is not None:
-            self._moved(index)
+            try:
+                self._moved(index)
+            except Exception as error:  # noqa: BLE001 - whatever a program raises
+                report("`on_progress` of a mission has failed", error)
 
     def restore(self, index: int | None, stored: Mapping[str, Arguments]) -> None:
         """Take what was noted before."""
@@ -166,28 +163,18 @@ class Handler:
         LOGGER.info("mission %s: action %s", self._mode.name, name)
         await action.run(self, {} if arguments is None else arguments)
 
-    async def fly_to(self, places: Sequence[GlobalPlace], *, stop: bool = True) -> None:
+    async def fly_to(
+        self, places: Sequence[GlobalPlace], *, stop: bool = True, reached: Callable[[int], None] = lambda _: None
+    ) -> None:
         """Fly to places, one after the other, with the current settings. Without `stop`, do not stop at the last one.
 
-        Raises MissionError, and RefusedError if the vehicle does not enter the mode of the mission.
+        `reached` gets the number of each place that is reached, from 0 on. Raises MissionError, and RefusedError if
+        the vehicle does not enter the mode of the mission.
         """
-        if places:
-            await self._fly(Segment(places, self.settings, stop, lambda _: None))
-
-    async def fly_segment(self) -> None:
-        """Fly to the waypoints from the current item on. Raises as `fly_to`."""
-        start = self.index
-        waypoints, following = self._plan.segment(start)
-        stop = not following or any(self._actions[each.name].stops(each.document) for each in following)
-
-        def reach(index: int) -> None:
-            self._progress.index = start + index + 1
-
-        await self._fly(Segment([each.place for each in waypoints], self.settings, stop, reach))
-
-    async def _fly(self, segment: Segment) -> None:
         self._check()
-        self._mode.segment = segment
+        if not places:
+            return
+        self._mode.segment = Segment(tuple(places), self.settings, stop, reached)
         try:
             await self._executor.fly(self._mode)
         except RefusedError:
@@ -195,26 +182,11 @@ class Handler:
         except FlightError as error:
             raise MissionError("trajectoryFailure", str(error), self._progress.index) from error
 
-    async def run_item(self, *, is_resuming: bool) -> None:
-        """Run the current item, and make the next one the current one."""
-        item = self._plan.items[self.index]
-        if isinstance(item, Waypoint):
-            await self.fly_segment()
-            return
-        await self.run_action(item.name, {**item.document, RESUMING: True} if is_resuming else item.document)
-        self._check()
-        self._progress.index = self.index + 1
-
-    def action_at(self, index: int) -> ActionItem | None:
-        """Return the item with an index if it is an action."""
-        item = self._plan.items[index] if index < len(self._plan.items) else None
-        return item if isinstance(item, ActionItem) else None
-
     @property
     def resumes_on_ground(self) -> bool:
         """Whether the current item is an action that goes on from the ground."""
-        item = self.action_at(self.index)
-        return item is not None and self._actions[item.name].resumes_on_ground
+        item = self._plan.items[self.index]
+        return isinstance(item, ActionItem) and self._actions[item.name].resumes_on_ground
 
     def end(self) -> None:
         """Refuse each further call."""

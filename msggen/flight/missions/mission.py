@@ -11,12 +11,10 @@ from types import new_class
 from typing import Any, TypeAlias
 
 from msggen.base.diagnostics import InputError
-from msggen.flight.errors import FlightError, report
+from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
 from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF
 from msggen.flight.missions.handler import (
-    ON_FAILURE,
-    ON_RESUME,
     Action,
     Arguments,
     Handler,
@@ -24,14 +22,17 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode, first
-from msggen.flight.missions.plan import ActionItem, Plan, Waypoint
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Plan, Waypoint
 from msggen.flight.missions.reading import read_mission, unknown_actions
 from msggen.flight.missions.state import StateFile
+from msggen.flight.states import is_disarmed
 from msggen.flight.telemetry import is_landed
 
 LOGGER = getLogger("msggen.flight")
 _DEEPEST = 11
 """How often `onFailure` is called because it fails itself."""
+_GRACE = 0.5
+"""The time in s in which a mode ends because the vehicle is disarmed."""
 _LOOK = 0.5
 """The period in s at which the file is looked at, and whether the mission is ready."""
 
@@ -198,9 +199,12 @@ class Mission(Executor):
         handler = self._renewed()
         self._abortion = asyncio.get_running_loop().create_future()
         try:
-            await first(self._fly(handler), self._abortion)
-        except Exception as error:  # noqa: BLE001 - whatever an action raises
-            await self._fail(self._failure(error))
+            await first(self._fly(handler), self._abortion, self._until_disarmed())
+        except Exception as error:
+            failure = self._failure(error)
+            if is_disarmed(self._mode.feeds["vehicle_status"].latest):
+                raise self._disarmed() from error
+            await self._fail(failure)
         finally:
             self._abortion = None
             self._end()
@@ -210,11 +214,38 @@ class Mission(Executor):
             raise MissionError("noValidMission", ", ".join(self.unready))
         is_resuming = await self._resume(handler)
         while handler.index < len(self._plan.items):
-            await handler.run_item(is_resuming=is_resuming)
+            await self._run_item(handler, {RESUMING: True} if is_resuming else {})
             is_resuming = False
         if self._mode.is_active:
             await handler.vehicle.hold()
         LOGGER.info("mission %s is completed", self._mode.name)
+
+    async def _run_item(self, handler: Handler, more: Arguments) -> None:
+        """Run the current item, or waypoints up to the next action, and make what follows the current item."""
+        start = handler.index
+        item = self._plan.items[start]
+        if isinstance(item, ActionItem):
+            await handler.run_action(item.name, {**item.document, **more})
+            self._progress.index = handler.index + 1
+            return
+        waypoints, following = self._plan.segment(start)
+        stop = not following or any(self._table[each.name].stops(each.document) for each in following)
+
+        def reach(number: int) -> None:
+            self._progress.index = start + number + 1
+
+        await handler.fly_to([each.place for each in waypoints], stop=stop, reached=reach)
+
+    async def _until_disarmed(self) -> None:
+        """Raise NotReachedError when the vehicle is disarmed: that interrupts the mission."""
+        await self._mode.feeds["vehicle_status"].following(is_disarmed)
+        await asyncio.sleep(_GRACE)  # a landing that is completed by that ends the mission instead
+        raise self._disarmed()
+
+    def _disarmed(self) -> NotReachedError:
+        error = NotReachedError(f"mission {self._mode.name!r} was interrupted: the vehicle is disarmed")
+        error.is_handled = True
+        return error
 
     async def _resume(self, handler: Handler) -> bool:
         """Begin the mission, or go on. Return whether the current item runs once more."""
@@ -225,10 +256,11 @@ class Mission(Executor):
         stored = self._progress.stored
         if ON_RESUME in self._table:
             await handler.run_action(ON_RESUME, {**stored.pop(ON_RESUME, {}), "action": "resume"})
-        self._progress.stored = {}
         if self._progress.index != index:
+            stored.clear()
             return False
-        for name, arguments in stored.items():
+        for name in [*stored]:
+            arguments = stored.pop(name)  # the action stores them again
             if name in self._table:
                 await handler.run_action(name, arguments)
         return True

@@ -23,6 +23,10 @@ RESUMING: Final = "internal:resuming"
 """The argument of an action that runs again because the mission was interrupted in it."""
 
 
+ON_RESUME, ON_FAILURE = HOOKS = ("onResume", "onFailure")
+"""The actions that are no items: the mission itself calls them."""
+
+
 class Settings(NamedTuple):
     """Limits of a flight. None: PX4's own."""
 

@@ -9,8 +9,8 @@ from msggen.base.checked import shortened
 from msggen.base.diagnostics import Diagnostic, InputError, input_error, sorted_out, suggestion
 from msggen.base.disk.reading import read_text
 from msggen.base.location import Location, Places
-from msggen.flight.missions.built_in import BUILT_IN
 from msggen.flight.missions.expected import (
+    ARGUMENTS,
     ARRAY,
     LATITUDE,
     LONGITUDE,
@@ -20,9 +20,9 @@ from msggen.flight.missions.expected import (
     TEXT,
     Expected,
 )
-from msggen.flight.missions.handler import HOOKS
 from msggen.flight.missions.located import BrokenError, Value, read
 from msggen.flight.missions.plan import (
+    HOOKS,
     NAVIGATION,
     RESERVED,
     SETTINGS,
@@ -104,7 +104,7 @@ class _Reading:
             found = shortened(version.plain)
             self._tell(version.start, _UNSUPPORTED, f"unsupported version {found}: msggen reads version {VERSION}")
         plan = Plan(()) if mission is None else self._plan(mission)
-        self._found += unknown_actions(plan.items, {*BUILT_IN, *self._own})
+        self._found += unknown_actions(plan.items, {*ARGUMENTS, *self._own})
         return Read(plan, sorted_out(self._found))
 
     def _plan(self, mission: Value) -> Plan:
@@ -156,9 +156,8 @@ class _Reading:
         return Waypoint(place, name, self._places.at(value.start))
 
     def _action(self, value: Value, name: str, item_id: str, location: Location) -> ActionItem:
-        takes = BUILT_IN[name].takes if name in BUILT_IN and name not in self._own else None
-        if takes is not None:
-            self._values(value, f"'{name}'", {}, {**takes, "type": TEXT, "id": TEXT})
+        if name in ARGUMENTS and name not in self._own:
+            self._values(value, f"'{name}'", {}, {**ARGUMENTS[name], "type": TEXT, "id": TEXT})
         arguments = {key: each.plain for key, each in _members(value).items() if key not in {"type", "id"}}
         return ActionItem(name, arguments, item_id, location)
 
