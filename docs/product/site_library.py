@@ -38,6 +38,7 @@ PUBLIC = {
         "TRAJECTORY",
         "Vector",
     },
+    "msggen.flight.missions": {"Action", "Arguments", "Handler", "Mission"},
     "msggen.flight.pytest": {"SimVehicle"},
     "msggen.generate.cache": {"package_of"},
     "msggen.link.address": {"parse_address"},

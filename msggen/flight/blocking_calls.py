@@ -47,9 +47,9 @@ class FlightCalls(Waits):
         """See `Flight.disarm`."""
         self._wait(self._own.disarm())
 
-    def takeoff(self, altitude: float | None = None) -> None:
+    def takeoff(self, altitude: float | None = None, *, above_sea: float | None = None) -> None:
         """See `Flight.takeoff`."""
-        self._wait(self._own.takeoff(altitude))
+        self._wait(self._own.takeoff(altitude, above_sea=above_sea))
 
     def land(self) -> None:
         """See `Flight.land`."""

@@ -156,14 +156,16 @@ class Flight(Actions):
         definitions of them.
         """
         made = [each() if isinstance(each, type) else each for each in parts]
-        executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
+        owned = [(each, _mode_of(each)) for each in made if isinstance(each, Executor)]
+        made += [mode for _, mode in owned if isinstance(mode, Mode) and mode not in made]
+        executors = {mode if isinstance(mode, type) else type(mode): each for each, mode in owned}
         given = {type(each): each for each in made if isinstance(each, Mode)}
         checks = {type(each): each for each in made if isinstance(each, Check)}
         if len(executors) + len(given) + len(checks) < len(made):
             raise RegistrationError(
                 "expected one object of each mode and one executor for it, and one object of each check: use subclasses"
             )
-        modes = {owned: given.get(owned) or owned() for owned in executors} | given
+        modes = {cls: given.get(cls) or cls() for cls in executors} | given
         added = [Part(mode, executors.get(cls)) for cls, mode in modes.items()]
         await self._own.add(added + [Part(each) for each in checks.values()])
 
@@ -256,8 +258,8 @@ def _is_executor(part: type[Mode | Executor] | Mode | Executor) -> TypeIs[type[E
     return issubclass(part if isinstance(part, type) else type(part), Executor)
 
 
-def _mode_of(executor: Executor) -> type[Mode]:
-    mode: type[Mode] | None = getattr(executor, "mode", None)
+def _mode_of(executor: Executor) -> type[Mode] | Mode:
+    mode: type[Mode] | Mode | None = getattr(executor, "mode", None)
     if mode is None:
         name = type(executor).__name__
         raise RegistrationError(f"executor {name} has no mode: set its `mode`, which users select to start it")

@@ -41,6 +41,10 @@ class Registered(Protocol):
     feeds: Feeds
     overrides: Overrides
 
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle."""
+
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on."""
 
@@ -210,6 +214,11 @@ class Mode(Answering, Steered):
     def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:
         """See `Executor.deferring_failsafes`."""
         return self._own.overrides.deferring(seconds)
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle: it is selected, and the vehicle is armed."""
+        return self._active is not None and self._active.is_active
 
     @property
     def _own(self) -> Registered:

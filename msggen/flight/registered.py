@@ -130,7 +130,7 @@ class Parts:
     def find_executor(self, executor: type[Executor] | Executor) -> Charge:
         """Return an executor that is registered. Raises FlightError."""
         cls = executor if isinstance(executor, type) else type(executor)
-        found = next((each for each in self._charges if type(each.executor) is cls), None)
+        found = next((each for each in self._charges if executor in (each.executor, type(each.executor))), None)
         if found is None:
             raise FlightError(f"executor {cls.__name__} is not registered: `await flight.add(...)` registers it")
         return found

@@ -234,6 +234,23 @@ def is_known_in_air(feeds: Feeds) -> bool:
     return found is not None and not found.landed
 
 
+async def has_landed(feeds: Feeds) -> bool:
+    """Return whether the vehicle is on the ground, by a message of the last 3 s. Raises NoAnswerError without one.
+
+    v1.15 does not tell: its height above the origin counts.
+    """
+    try:
+        feed = feeds["vehicle_land_detected"]
+    except UnsupportedError:
+        return not is_known_in_air(feeds)
+    if feed.latest is None or feed.age > SLOW:
+        try:
+            await feed.following(lambda _: True, SLOW)
+        except TimeoutError:
+            raise feeds.no_answer(f"no vehicle_land_detected within {SLOW:.0f} s") from None
+    return bool(feed.latest.landed)
+
+
 def _local_position(message: Any, age: float) -> LocalPosition:
     return LocalPosition(
         Vector(message.x, message.y, message.z),

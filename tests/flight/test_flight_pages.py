@@ -1,4 +1,4 @@
-"""Tests of docs/flight.md and docs/flight_safety.md: their programs print what the pages show, on a simulated clock."""
+"""Tests of the pages on flights and missions: their programs print what the pages show, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ from support.repository import ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight_safety", "flight")}
+TEXTS = {
+    name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight_safety", "flight", "missions")
+}
 
 
 @by_day("page", [*TEXTS], 2)
@@ -43,6 +45,7 @@ def test_the_programs_print_what_the_page_shows(
         async with flight("", px4_types) as found:
             await program(found)
 
+    monkeypatch.chdir(ROOT / "examples" / "flight")
     monkeypatch.setattr(msggen.flight, "Flight", flight)
     monkeypatch.setattr(asyncio, "run", fly)
     monkeypatch.setattr(
@@ -52,7 +55,7 @@ def test_the_programs_print_what_the_page_shows(
     )
     names: dict[str, Any] = {}
     blocks = BLOCK.findall(TEXTS[page])
-    assert len(blocks) == {"flight": 10, "flight_safety": 1}[page]
+    assert len(blocks) == {"flight": 10, "flight_safety": 1, "missions": 2}[page]
     for code, shown in blocks:
         names.pop("program", None)
         exec(code, names)  # noqa: S102 - the code of the page

@@ -46,6 +46,7 @@ NAMES = (
     "stalls",
     "owners",
     "editors",
+    "missions",
 )
 """The campaigns, each a module of this package."""
 
