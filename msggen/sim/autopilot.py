@@ -137,6 +137,11 @@ class Autopilot:
         """Enter the mode anew, because the local position has another origin."""
         self._mode = -1
 
+    def shift(self, north: float, east: float) -> None:
+        """Move the place that is held with the estimate of the position."""
+        x, y, z = self._hold.position
+        self._hold = self._hold._replace(position=(x + north, y + east, z))
+
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
         if mode == self._mode:

@@ -36,7 +36,7 @@ class Changes:
 
 def _states(world: World) -> Sequence[object]:
     """Return what PX4 publishes each of the topics for, when it changes."""
-    commander, landing = world.commander, world.landing
+    commander, landing, external = world.commander, world.landing, world.external
     failsafe = commander.failsafe
     mode, is_armed, landed = commander.mode, commander.is_armed, landing.landed
     return (
@@ -47,7 +47,7 @@ def _states(world: World) -> Sequence[object]:
         (is_armed, mode, commander.controls),
         (commander.senses[:_FLAGS], commander.requirements.masks),
         (landing.ground_contact, landing.maybe_landed, landed),
-        (landed, world.has_position),
+        (landed, world.has_position, external.fused, external.is_aided, external.is_yaw_aligned),
         (world.has_home, world.home_changes, world.origin),
         (mode, landed),
         world.has_sticks,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from msggen.base.diagnostics import suggestion
+from msggen.sim.commander.rules import V1_17, V1_18, Rules
 
 PARAMETERS: Mapping[str, float] = MappingProxyType(
     {
@@ -16,6 +17,7 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "COM_MODE_ARM_CHK": 0.0,
         "COM_OF_LOSS_T": 1.0,
         "COM_SPOOLUP_TIME": 1.0,
+        "EKF2_GPS_CTRL": 7.0,
         "LNDMC_TRIG_TIME": 1.0,
         "MC_ROLLRATE_MAX": 220.0,
         "MC_ROLL_P": 6.5,
@@ -47,18 +49,21 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
 )
 """Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, angles in degrees, and gains in 1/s."""
 
+_OF_RELEASES = {*V1_17.estimator, *V1_18.estimator}
 SETTABLE = (
     *(name for name in PARAMETERS if name.startswith("COM_") and name not in {"COM_OF_LOSS_T", "COM_SPOOLUP_TIME"}),
+    *sorted({"EKF2_GPS_CTRL", *_OF_RELEASES}),
     *("MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT"),
 )
 """Those that a vehicle can have other values of. The others are built into its motion."""
 
 
-def check_settable(name: str) -> None:
-    """Raise ValueError for what is no parameter that a vehicle can have another value of."""
-    if name not in SETTABLE:
-        near = suggestion(name, SETTABLE)
-        raise ValueError(f"parameter '{name}' cannot be set{near}: there are {', '.join(SETTABLE)}")
+def check_settable(name: str, rules: Rules | None = None) -> None:
+    """Raise ValueError for what is no parameter that a vehicle can have another value of, if it has some rules."""
+    missing = _OF_RELEASES - rules.estimator.keys() if rules else ()
+    known = [each for each in SETTABLE if each not in missing]
+    if name not in known:
+        raise ValueError(f"parameter '{name}' cannot be set{suggestion(name, known)}: there are {', '.join(known)}")
 
 
 def microseconds(name: str) -> int:
