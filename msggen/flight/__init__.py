@@ -20,6 +20,7 @@ from msggen.flight.errors import (
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
+from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
@@ -39,12 +40,14 @@ __all__ = [
     "Executor",
     "Flight",
     "FlightError",
+    "Fusion",
     "GlobalPlace",
     "Keeps",
     "LimitError",
     "Limits",
     "Mode",
     "NoAnswerError",
+    "NotFusedError",
     "NotReachedError",
     "Problem",
     "RefusedError",

@@ -33,6 +33,8 @@ IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
         "OdometryAttitude": _TELEMETRY,
         "Battery": _TELEMETRY,
         "LandDetected": _TELEMETRY,
+        "LocalPositionMeasurementInterface": "`flight.measure.local(...)`",
+        "GlobalPositionMeasurementInterface": "`flight.measure.on_earth(...)`",
         "HomePositionSetter": "`flight.set_home`, `flight.set_origin`",
         "RequirementFlags": "`Requirement`",
         "PositionNedYaw": _OFFBOARD,
@@ -88,6 +90,9 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "core": "`async with Flight(address) as flight`",
         "mission": "missions go over MAVLink, which msggen does not use",
         "param": "parameters go over MAVLink, which msggen does not use",
+        "mocap": "`flight.measure`",
+        "set_vision_position_estimate": "`flight.measure.local(...)`",
+        "set_odometry": "`flight.measure.local(...)`",
         "camera": "cameras go over MAVLink, which msggen does not use",
     }
 )
