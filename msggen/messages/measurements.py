@@ -16,6 +16,9 @@ LOCAL: Final = "vehicle_visual_odometry"
 GLOBAL: Final = "aux_global_position"
 """The topic of places on earth: VehicleGlobalPosition, from v1.18 on AuxGlobalPosition."""
 
+UNREAD: Final = "vehicle_mocap_odometry"
+"""A topic of VehicleOdometry that the bridge takes, and EKF2 does not read."""
+
 OLDEST: Final = 0.3
 """The age in s from which on EKF2 does not use a measurement."""
 NEAREST: Final = 0.01
