@@ -33,8 +33,8 @@ class Category(Enum):
     DEFINITION = "samples arrive, but are decoded with another definition, or not at all"
     TIME = "samples arrive, but their timestamps are those of another clock"
     FLOW = "samples arrive rarely, or some of them do not arrive"
-    SETPOINT = "programs send setpoints, but the vehicle does not follow them"
     MEASUREMENT = "programs send measurements, but the vehicle's estimator does not use them"
+    SETPOINT = "programs send setpoints, but the vehicle does not follow them"
 
 
 OF_VEHICLES = (

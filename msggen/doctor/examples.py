@@ -213,6 +213,10 @@ def _sees(values: Mapping[str, Any], **others: Any) -> Case:
 
 
 _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
+    "MEASUREMENT_DROPPED": lambda: _sees({"position": (1.0, 2.0, _NAN)}),
+    "MEASUREMENT_TIME": lambda: _sees({"timestamp_sample": _NOW // 1000 - 420_000}),
+    "MEASUREMENT_SLOW": lambda: _sees({}, rate=3.0),
+    "MEASUREMENT_UNFUSED": lambda: _sees({}),
     "INPUT_UNPUBLISHED": lambda: _steered({})._replace(wanted=("trajectory_setpoint",)),
     "INPUT_UNREADABLE": lambda: _steered(
         {
@@ -235,10 +239,6 @@ _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
     ),
     "SETPOINT_EMPTY": lambda: _steered({**_INPUTS, _SETPOINT: _input(_UNCONTROLLED)}),
     "SETPOINT_DOWNWARD": lambda: _steered({**_INPUTS, _SETPOINT: _input(_UPSIDE_DOWN)}),
-    "MEASUREMENT_DROPPED": lambda: _sees({"position": (1.0, 2.0, _NAN)}),
-    "MEASUREMENT_TIME": lambda: _sees({"timestamp_sample": _NOW // 1000 - 420_000}),
-    "MEASUREMENT_SLOW": lambda: _sees({}, rate=3.0),
-    "MEASUREMENT_UNFUSED": lambda: _sees({}),
     "POSITION_MISSING": lambda: _steered(vehicle_local_position={"xy_valid": False, "v_xy_valid": False}),
     "FAILSAFE_ACTIVE": lambda: _steered(
         vehicle_status={"failsafe": True, "nav_state": LAND}, failsafe_flags={"offboard_control_signal_lost": True}
