@@ -389,7 +389,8 @@ class _Track:
 
     @property
     def _slow(self) -> str:
-        return f"come at {1e6 / self._interval:.1f} Hz: EKF2 starts to fuse them at {SLOWEST:g} Hz or more"
+        interval = self._interval / 1e6
+        return f"come {interval:.2f} s apart: EKF2 starts to fuse them at {LONGEST_START:g} s ({SLOWEST:g} Hz) or less"
 
     def _refusal(self, stamp: int, now: int) -> tuple[str, str]:
         """Return the kind and the text of what makes a measurement useless, "" if there is nothing."""

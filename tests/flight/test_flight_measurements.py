@@ -346,7 +346,7 @@ def test_several_sources_are_of_v1_18(types: Any) -> None:
 
 def test_slow_measurements_are_told(types: Any, caplog: pytest.LogCaptureFixture) -> None:
     found = why(types, lambda flight: flight.measure.local(**HERE), INDOORS, period=0.25)
-    assert found["position"] == "measurements come at 4.0 Hz: EKF2 starts to fuse them at 5 Hz or more"
+    assert found["position"] == "measurements come 0.25 s apart: EKF2 starts to fuse them at 0.2 s (5 Hz) or less"
     assert [record.getMessage() for record in caplog.records] == [found["position"]]
 
 
