@@ -29,6 +29,7 @@ GROUPS = {
         *(
             "docs/flight",
             "docs/missions",
+            "docs/measurements",
             "docs/flight_safety",
             "docs/flight_tests",
             "docs/sim",

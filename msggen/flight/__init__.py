@@ -21,6 +21,7 @@ from msggen.flight.errors import (
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
+from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
@@ -43,6 +44,7 @@ __all__ = [
     "Executor",
     "Flight",
     "FlightError",
+    "Fusion",
     "GlobalPlace",
     "Health",
     "Keeps",
@@ -50,6 +52,7 @@ __all__ = [
     "Limits",
     "Mode",
     "NoAnswerError",
+    "NotFusedError",
     "NotReachedError",
     "Problem",
     "RefusedError",

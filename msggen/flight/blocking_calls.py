@@ -1,6 +1,6 @@
 """The calls of flights for programs without asyncio.
 
-`python docs/write_blocking.py` writes this file from `Flight`, `Telemetry` and `Offboard`.
+`python docs/write_blocking.py` writes this file from `Flight`, `Telemetry`, `Offboard` and `Measurements`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from msggen.flight.equipment import Airspeed, Sticks, VehicleKind, Vtol, Wind
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Condition
 from msggen.flight.flight import Flight
+from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard
 from msggen.flight.places import GlobalPlace
@@ -196,3 +197,15 @@ class OffboardCalls(Waits):
     def position(self) -> Vector:
         """See `Offboard.position`."""
         return self._wait(self._own.position())
+
+
+class MeasurementsCalls(Waits):
+    """The coroutines of `Measurements` as calls that return when they are done."""
+
+    @property
+    def _own(self) -> Measurements:
+        raise NotImplementedError
+
+    def fused(self, timeout: float = 5.0) -> None:
+        """See `Measurements.fused`."""
+        self._wait(self._own.fused(timeout))

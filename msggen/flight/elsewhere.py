@@ -40,6 +40,8 @@ IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
         "VtolStatus": f"{_TELEMETRY}: `await vtol()`",
         "Battery": _TELEMETRY,
         "LandDetected": _TELEMETRY,
+        "LocalPositionMeasurementInterface": "`flight.measure.local(...)`",
+        "GlobalPositionMeasurementInterface": "`flight.measure.on_earth(...)`",
         "HomePositionSetter": "`flight.set_home`, `flight.set_origin`",
         "RequirementFlags": "`Requirement`",
         "Mavsdk": _CONNECTED,
@@ -124,6 +126,9 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "on_new_system": _CONNECTED,
         "mission": "missions go over MAVLink, which msggen does not use",
         "param": "parameters go over MAVLink, which msggen does not use",
+        "mocap": "`flight.measure`",
+        "set_vision_position_estimate": "`flight.measure.local(...)`",
+        "set_odometry": "`flight.measure.local(...)`",
         "camera": "cameras go over MAVLink, which msggen does not use",
     }
 )

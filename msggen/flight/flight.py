@@ -18,6 +18,7 @@ from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
+from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.part import NEEDED, Part
@@ -47,7 +48,7 @@ _NEEDED: Final = (
 
 
 _NOT_BEGUN = "the flight has not begun: `async with Flight(...) as flight`"
-_OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "telemetry"})
+_OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "measure", "telemetry"})
 
 
 class Flight(Actions):
@@ -103,6 +104,7 @@ class Flight(Actions):
         parts = self._parts = Parts(connection, feeds, sender, fence, resume=self._resume)
         super().__init__(sender, feeds, fence, parts.replacements)
         self.telemetry = Telemetry(feeds)
+        self.measure = Measurements(connection, feeds)
         for need in _NEEDED:
             if need.direction == "out":
                 feeds[need.topic]

@@ -148,6 +148,11 @@ class Autopilot:
         """Let position control begin at a time: it uses no setpoint from before, and holds the place until the next."""
         self._since, self.is_led, self._hold = time, False, self._stop()
 
+    def shift(self, north: float, east: float) -> None:
+        """Move the place that is held with the estimate of the position."""
+        x, y, z = self._hold.position
+        self._hold = self._hold._replace(position=(x + north, y + east, z))
+
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
         if mode == self._mode:

@@ -42,6 +42,7 @@ NAMES = (
     "sessions",
     "events",
     "flights",
+    "measurements",
     "records",
     "stalls",
     "owners",
