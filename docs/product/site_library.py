@@ -27,6 +27,7 @@ PUBLIC = {
         "LimitError",
         "Limits",
         "Mode",
+        "NotFusedError",
         "NotReachedError",
         "Problem",
         "RefusedError",

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPlace, NotFusedError, UnsupportedError
-from msggen.flight.measurements import AXES, Source
+from msggen.flight.measured import AXES, Source
 from msggen.messages.measurements import LOCAL, PARTS, SOURCES
 from msggen.sim import Options
 from msggen.sim.attitude import product

@@ -154,8 +154,8 @@ def _call(flight: Flight, chance: Random, *, is_good: bool) -> None:
     """Call with values that are right or nearly right, or with any."""
     now = flight.measure.time
     if chance.random() < 0.2:
-        place = GlobalPlace(47.4, 8.5, 500.0) if is_good else chance.choice((None, 1.0, (47.4, 8.5, 500.0)))
-        accuracy = 1.0 if is_good else chance.choice((*NUMBERS, None))
+        place: Any = GlobalPlace(47.4, 8.5, 500.0) if is_good else chance.choice((None, 1.0, (47.4, 8.5, 500.0)))
+        accuracy: Any = 1.0 if is_good else chance.choice((*NUMBERS, None))
         flight.measure.on_earth(place, accuracy=accuracy, time=chance.choice((None, now)))
         return
     if is_good:
