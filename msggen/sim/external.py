@@ -103,6 +103,8 @@ class External:
         """How often `fused` has changed, and position and heading were reset."""
         self.move = (0.0, 0.0)
         """How far the last reset has moved the position, in m north and east."""
+        self.is_aided = True
+        """Whether something has made the position known within the last second."""
         self.is_yaw_aligned = True
         """Whether the heading is from north, and not that of an FRD frame."""
         self.handlers: Mapping[str, Callable[[Any, int], object]] = {LOCAL: self.take, GLOBAL: self.take_place}
@@ -173,6 +175,9 @@ class External:
         `has_gps` says whether GPS decides the position, and `is_resting` whether the vehicle stands on the ground.
         """
         self._now, self._has_gps, self._is_resting = now, has_gps, is_resting
+        if has_gps and not (self._waiting or self._places or self._used):  # nobody measures
+            self.is_aided = True
+            return False
         while self._waiting and self._waiting[0].time + _BEHIND <= now:
             found = self._waiting.popleft()
             if now - found.time < _OLDEST:
@@ -183,6 +188,7 @@ class External:
                 self._look_at_place(place)
         if self.fused:
             self._stop()
+        self.is_aided = has_gps or not all(map(self._is_late, MEASURED))
         return any(now - self._used[part] < _LOST for part in MEASURED if part in self._used)
 
     def _stop(self) -> None:
@@ -194,11 +200,6 @@ class External:
                 self._reset(self._world.flight.position)  # EKF2 holds the place where it stands
         if PLACE in self.fused and self._now - self._place_heard > _PLACE_STOPPED:
             self._end({PLACE})
-
-    @property
-    def is_aided(self) -> bool:
-        """Whether something has made the position known within the last second."""
-        return self._has_gps or not all(map(self._is_late, MEASURED))
 
     @property
     def accuracy(self) -> float:
