@@ -166,7 +166,8 @@ class Measurements(Measuring):
                 "starts anew after some time, or at once with `reset`"
             )
         values = {field.name: getattr(flags, field.name) for field in flags.__msg__.fields}
-        return reason(part, values, is_ned=track.is_ned, has_ids=self._has_ids, identity=track.identity)
+        has_ids = part is PLACE and self._has_ids
+        return reason(part, values, is_ned=track.is_ned, has_ids=has_ids, identity=track.identity)
 
 
 class _Track:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable
-from typing import Any, get_args
+from types import SimpleNamespace
+from typing import Any, NamedTuple, get_args
 
 import pytest
 from hypothesis import given
@@ -13,7 +15,8 @@ from hypothesis import strategies as st
 
 from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPlace, NotFusedError, UnsupportedError
 from msggen.flight.measured import AXES, Source
-from msggen.messages.measurements import LOCAL, PARTS, SOURCES
+from msggen.flight.measurements import Measurements
+from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, SOURCES
 from msggen.sim import Options
 from msggen.sim.attitude import product
 from support.flown import Flown, fly
@@ -325,6 +328,31 @@ def test_the_parameter_is_named(types: Any) -> None:
         "attitude": True,
     }
     assert found["position"] == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_a_firmware_without_places_on_earth_takes_local_ones(px4_types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> str:
+        del flight.measure._topics._endpoints["in", GLOBAL]
+        with pytest.raises(UnsupportedError, match="does not bridge /fmu/in/aux_global_position"):
+            flight.measure.on_earth(**EARTH)
+        await while_sending(lambda: flight.measure.local(**HERE), 2.0)
+        return flight.measure.state[0].reason
+
+    assert fly(px4_types, program) == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_times_are_those_of_the_clock_that_the_vehicle_follows(px4_types: Any) -> None:
+    """UTC if the clocks are synchronized, else the time since boot."""
+
+    class Heard(NamedTuple):
+        latest: Any
+        age: float = 0.25
+
+    connection: Any = SimpleNamespace(package=px4_types)
+    for stamp in (5_000_000, 1_790_000_000_000_000):
+        feeds: Any = {"vehicle_local_position": Heard(SimpleNamespace(timestamp=stamp))}
+        found = Measurements(connection, feeds).time
+        assert found == 5_250_000 if stamp == 5_000_000 else abs(found - time.time_ns() // 1000) < 10**7
 
 
 def test_the_parameters_of_places_on_earth_are_those_of_the_release(types: Any) -> None:

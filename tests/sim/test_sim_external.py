@@ -11,12 +11,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msggen.messages.measurements import HEIGHT, NED, PARTS, PLACE, POSITION, VELOCITY, YAW
 from msggen.sim import Options
 from msggen.sim.attitude import quaternion_of
 from msggen.sim.commander.rules import V1_15, V1_16, V1_17, V1_18
 from msggen.sim.noise import noise_of
+from msggen.sim.publishing import localize
 from msggen.sim.values import Filler, Scene
 from msggen.sim.vehicle import world_of
 from msggen.sim.world import World
@@ -235,6 +238,15 @@ def test_yaw(started: Camera) -> None:
 
 
 # What was read of the source
+
+
+@given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**52), 2**52), st.integers(0, 2**52))
+def test_times_that_arrive_count_since_boot(px4_types: Any, stamp: int, sample: int, offset: int, now: int) -> None:
+    """0, times to come and those of another clock count as now, in both fields."""
+    message = px4_types.VehicleOdometry(timestamp=stamp, timestamp_sample=sample)
+    localize(message, now, offset)
+    for before, after in ((stamp, message.timestamp), (sample, message.timestamp_sample)):
+        assert after == (before - offset if before and 0 <= before - offset <= now else now)
 
 
 def test_what_parameters_switch_off_is_not_fused(types: Any) -> None:
