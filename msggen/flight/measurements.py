@@ -130,7 +130,11 @@ class Measurements(Measuring):
         now = self.time
         stamp = now if sample.time is None else sample.time
         _check_time(stamp, now)
-        track = self._tracks.setdefault((sample.topic, identity), _Track())
+        key = sample.topic, identity
+        track = self._tracks.get(key) or _Track()
+        if track.is_of_other_clock(now):
+            track = _Track(track.resets)
+        self._tracks[key] = track
         track.resets += sample.is_reset
         if not track.take(sample, stamp, now):
             return False
@@ -173,8 +177,8 @@ class Measurements(Measuring):
 class _Track:
     """The measurements of a source. Times are in us."""
 
-    def __init__(self) -> None:
-        self.resets = 0
+    def __init__(self, resets: int = 0) -> None:
+        self.resets = resets
         self.is_ned = True
         self.identity = 1
         self._sent: dict[Part, int] = {}
@@ -185,6 +189,10 @@ class _Track:
         self._interval = 0
         self._dropped: tuple[int, str] | None = None
         self._warned: dict[str, int] = {}
+
+    def is_of_other_clock(self, now: int) -> bool:
+        """Whether the clock has gone back since, as that of a vehicle does that restarts."""
+        return self._newest is not None and now < self._newest - _RECENT * 1e6
 
     def age(self, part: Part, now: int) -> float:
         """Return how many s ago a part was given last, also one that was not sent."""

@@ -78,7 +78,7 @@ class _Odometry(NamedTuple):
     velocity: Vector
     yaw: float
     variances: tuple[float, float, float]
-    """Of position, velocity and yaw."""
+    """Of the horizontal position, of velocity and yaw."""
     resets: int
 
 
@@ -132,17 +132,17 @@ class External:
         if time < self._newest + _NEAREST:
             return
         self._newest, self._heard = time, self._now
-        values = {name: getattr(message, name) for name in _FIELDS}
-        yaw = angles_of(message.q, 0.0)[2] if YAW in taken(values) else 0.0
-        noises = (_noise(message.position_variance), _noise(message.velocity_variance))
+        parts = taken({name: getattr(message, name) for name in _FIELDS})
+        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else 0.0
+        noises = (_noise(message.position_variance, 0, 1), _noise(message.velocity_variance, 0, 1, 2))
         found = _Odometry(
             time,
-            frozenset(part for part in taken(values) if part.bit & self._control),
+            frozenset(part for part in parts if part.bit & self._control),
             message.pose_frame,
             message.position,
             message.velocity,
             yaw,
-            (*noises, _noise(message.orientation_variance)),
+            (*noises, _noise(message.orientation_variance, 2)),
             message.reset_counter,
         )
         self._waiting.append(found)
@@ -368,9 +368,9 @@ class External:
 _FIELDS: Final = ("position", "pose_frame", "velocity", "velocity_frame", "q")
 
 
-def _noise(variances: Vector) -> float:
-    """Return the largest variance, but not less than that of the parameters, which count if one is not finite."""
-    return max(_LEAST, *variances) if all(map(math.isfinite, variances)) else _LEAST
+def _noise(variances: Vector, *axes: int) -> float:
+    """Return the largest variance of some axes, at least that of the parameters, which count if any is not finite."""
+    return max(_LEAST, *(variances[axis] for axis in axes)) if all(map(math.isfinite, variances)) else _LEAST
 
 
 def _bits(value: float) -> int:

@@ -293,6 +293,21 @@ def test_a_time_of_another_clock_is_an_error(px4_types: Any) -> None:
     assert fly(px4_types, program, INDOORS) == 0
 
 
+def test_a_clock_that_goes_back_is_followed(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As that of a vehicle that restarts, while clocks are not synchronized."""
+
+    async def program(flight: Flight, vehicle: Flown) -> list[bool]:
+        for now in (90_000_000, 90_050_000, 1_000_000, 1_050_000):
+            monkeypatch.setattr(Measurements, "time", now)
+            found.append(flight.measure.local(**HERE, reset=now == 90_050_000))
+        counters = [each.message.reset_counter for each in vehicle.sent if each.topic == LOCAL]
+        assert counters == [0, 1, 1, 1]
+        return found
+
+    found: list[bool] = []
+    assert fly(px4_types, program, INDOORS) == [True] * 4
+
+
 def test_nothing_is_sent_that_waited(px4_types: Any) -> None:
     """A program that hangs between a measurement and its call."""
 

@@ -206,6 +206,11 @@ def test_a_large_variance_corrects_nothing(started: Camera) -> None:
     assert 0.15 < first < started.place().eph
 
 
+def test_a_large_variance_of_the_height_does_not_matter(started: Camera) -> None:
+    started.run(4.0, lambda: started.local(position_variance=(0.01, 0.01, 1e4)))
+    assert (started.fused, started.place().eph) == ({"position", "height"}, pytest.approx(0.04, abs=0.01))
+
+
 def test_velocity(camera: Camera) -> None:
     """Seen: fused after 0.19 s; x and y alone end it after 0.20 s."""
     values: dict[str, Any] = {"position": NAN3, "velocity_frame": NED, "velocity": (0.0, 0.0, 0.0)}
