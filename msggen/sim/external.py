@@ -112,8 +112,8 @@ class External:
         self._now, self._is_resting, self._has_gps = 0, True, True
         self._waiting: deque[_Odometry] = deque(maxlen=_KEPT)
         self._places: deque[_Place] = deque(maxlen=_KEPT)
-        self._newest = self._before = self._heard = -_STOPPED
-        """The times of the newest measurement, of the last one that was looked at, and of its arrival."""
+        self._newest = self._before = -_STOPPED
+        """The times of the newest measurement, and of the last one that was used."""
         self._place_heard = 0
         self._counter = self._place_counter = 0
         self._used: dict[Part, int] = {}
@@ -131,7 +131,7 @@ class External:
         time = message.timestamp_sample
         if time < self._newest + _NEAREST:
             return
-        self._newest, self._heard = time, self._now
+        self._newest = time
         parts = taken({name: getattr(message, name) for name in _FIELDS})
         yaw = angles_of(message.q, 0.0)[2] if YAW in parts else 0.0
         noises = (_noise(message.position_variance, 0, 1), _noise(message.velocity_variance, 0, 1, 2))
@@ -194,7 +194,7 @@ class External:
     def _stop(self) -> None:
         """End what has got no measurements for some time."""
         local = self.fused - {PLACE}
-        if local and self._now - self._heard > _STOPPED:
+        if local and self._now - self._before > _STOPPED:
             self._end(local)
             if self._is_resting and not self._has_gps:
                 self._reset(self._world.flight.position)  # EKF2 holds the place where it stands
