@@ -30,6 +30,7 @@ PUBLIC = {
         "LimitError",
         "Limits",
         "Mode",
+        "NotFusedError",
         "NotReachedError",
         "Problem",
         "RefusedError",

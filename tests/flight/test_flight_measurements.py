@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable
-from typing import Any, get_args
+from types import SimpleNamespace
+from typing import Any, NamedTuple, get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPlace, NotFusedError, UnsupportedError
-from msggen.flight.measurements import AXES, Source
-from msggen.messages.measurements import LOCAL, PARTS, SOURCES
+from msggen.flight.measured import AXES, Source
+from msggen.flight.measurements import Measurements
+from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, SOURCES
 from msggen.sim import Options
 from msggen.sim.attitude import product
 from support.flown import Flown, fly
@@ -290,6 +293,21 @@ def test_a_time_of_another_clock_is_an_error(px4_types: Any) -> None:
     assert fly(px4_types, program, INDOORS) == 0
 
 
+def test_a_clock_that_goes_back_is_followed(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As that of a vehicle that restarts, while clocks are not synchronized."""
+
+    async def program(flight: Flight, vehicle: Flown) -> list[bool]:
+        for now in (90_000_000, 90_050_000, 1_000_000, 1_050_000):
+            monkeypatch.setattr(Measurements, "time", now)
+            found.append(flight.measure.local(**HERE, reset=now == 90_050_000))
+        counters = [each.message.reset_counter for each in vehicle.sent if each.topic == LOCAL]
+        assert counters == [0, 1, 1, 1]
+        return found
+
+    found: list[bool] = []
+    assert fly(px4_types, program, INDOORS) == [True] * 4
+
+
 def test_nothing_is_sent_that_waited(px4_types: Any) -> None:
     """A program that hangs between a measurement and its call."""
 
@@ -325,6 +343,31 @@ def test_the_parameter_is_named(types: Any) -> None:
         "attitude": True,
     }
     assert found["position"] == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_a_firmware_without_places_on_earth_takes_local_ones(px4_types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> str:
+        del flight.measure._topics._endpoints["in", GLOBAL]
+        with pytest.raises(UnsupportedError, match="does not bridge /fmu/in/aux_global_position"):
+            flight.measure.on_earth(**EARTH)
+        await while_sending(lambda: flight.measure.local(**HERE), 2.0)
+        return flight.measure.state[0].reason
+
+    assert fly(px4_types, program) == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_times_are_those_of_the_clock_that_the_vehicle_follows(px4_types: Any) -> None:
+    """UTC if the clocks are synchronized, else the time since boot."""
+
+    class Heard(NamedTuple):
+        latest: Any
+        age: float = 0.25
+
+    connection: Any = SimpleNamespace(package=px4_types)
+    for stamp in (5_000_000, 1_790_000_000_000_000):
+        feeds: Any = {"vehicle_local_position": Heard(SimpleNamespace(timestamp=stamp))}
+        found = Measurements(connection, feeds).time
+        assert found == 5_250_000 if stamp == 5_000_000 else abs(found - time.time_ns() // 1000) < 10**7
 
 
 def test_the_parameters_of_places_on_earth_are_those_of_the_release(types: Any) -> None:

@@ -261,6 +261,23 @@ def test_package(sim_vehicle):
     run(tests).assert_outcomes(passed=5)
 
 
+def test_a_vehicle_without_gps_takes_measurements(run: Run) -> None:
+    tests = """
+import asyncio
+
+@pytest.mark.sim_vehicle(parameters={"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0})
+def test_it(sim_vehicle):
+    async def program(flight):
+        for _ in range(20):
+            flight.measure.local(position=(0.0, 0.0, 0.0), variance=0.01)
+            await asyncio.sleep(0.05)
+        assert [each.is_fused for each in flight.measure.state] == [True, True]
+
+    sim_vehicle.run(program)
+"""
+    run(tests).assert_outcomes(passed=1)
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

@@ -11,12 +11,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msggen.messages.measurements import HEIGHT, NED, PARTS, PLACE, POSITION, VELOCITY, YAW
 from msggen.sim import Options
 from msggen.sim.attitude import quaternion_of
 from msggen.sim.commander.rules import V1_15, V1_16, V1_17, V1_18
 from msggen.sim.noise import noise_of
+from msggen.sim.publishing import localize
 from msggen.sim.values import Filler, Scene
 from msggen.sim.vehicle import world_of
 from msggen.sim.world import World
@@ -170,11 +173,11 @@ def test_times_that_are_fused(started: Camera, values: dict[str, Any]) -> None:
 
 
 def test_late_ones_are_not_used(started: Camera) -> None:
-    """Seen: with 0.4 s, flags were off after 3.2 s; 0.4 s is at the edge. On time again: fused after 0.21 s."""
-    send = lambda: started.local(late=0.45)  # noqa: E731 - what is sent
-    started.run(3.5, send)
-    assert started.place().eph > 0.05
-    started.run(6.0)
+    """Seen: flags off after 3.2 s, for 0.4 s is at the edge: ours are off at once. On time again: after 0.21 s."""
+    send = lambda: started.local(late=0.4)  # noqa: E731 - what is sent
+    assert started.until(lambda: not started.fused, send) <= 3.2
+    started.run(1.0, send)
+    assert not started.fused
     assert started.until(lambda: "position" in started.fused, started.local) == pytest.approx(0.21, abs=NEAR)
 
 
@@ -201,6 +204,11 @@ def test_a_large_variance_corrects_nothing(started: Camera) -> None:
     started.run(10.0, send)
     assert "position" in started.fused
     assert 0.15 < first < started.place().eph
+
+
+def test_a_large_variance_of_the_height_does_not_matter(started: Camera) -> None:
+    started.run(4.0, lambda: started.local(position_variance=(0.01, 0.01, 1e4)))
+    assert (started.fused, started.place().eph) == ({"position", "height"}, pytest.approx(0.04, abs=0.01))
 
 
 def test_velocity(camera: Camera) -> None:
@@ -235,6 +243,15 @@ def test_yaw(started: Camera) -> None:
 
 
 # What was read of the source
+
+
+@given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**52), 2**52), st.integers(0, 2**52))
+def test_times_that_arrive_count_since_boot(px4_types: Any, stamp: int, sample: int, offset: int, now: int) -> None:
+    """0, times to come and those of another clock count as now, in both fields."""
+    message = px4_types.VehicleOdometry(timestamp=stamp, timestamp_sample=sample)
+    localize(message, now, offset)
+    for before, after in ((stamp, message.timestamp), (sample, message.timestamp_sample)):
+        assert after == (before - offset if before and 0 <= before - offset <= now else now)
 
 
 def test_what_parameters_switch_off_is_not_fused(types: Any) -> None:

@@ -71,6 +71,7 @@ def _sim(options: argparse.Namespace) -> int:
     _check_speed(options)
     package, label = _types(options)
     _check_messages(options, package)
+    _check_parameters(options, package)
     if options.log and options.address is None:
         _check_alone(options)
         return fly_alone(options, package, label, next(_options_of_vehicles(options)))
@@ -247,6 +248,16 @@ def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:
         for name in names:
             if name not in known:
                 options.parser.error(f"argument {option}: no topic has a message '{name}'{suggestion(name, known)}")
+
+
+def _check_parameters(options: argparse.Namespace, package: ModuleType) -> None:
+    """Refuse parameters that only other releases have."""
+    from msggen.sim.vehicle import world_of
+
+    try:
+        world_of(package, next(_options_of_vehicles(options)))
+    except ValueError as error:
+        options.parser.error(f"argument --param: {error}")
 
 
 def _contents(package: ModuleType) -> str:
