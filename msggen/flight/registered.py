@@ -345,19 +345,11 @@ class Parts:
             if not missing:
                 return
             try:
-                await self._add_again(missing[0])
+                await self._add(missing[0], is_again=True)
             except NoAnswerError:  # the vehicle is still starting
                 await asyncio.sleep(_AGAIN)
+            except ArmedError:
+                await self._feeds["vehicle_status"].wait(is_disarmed)
             except FlightError as error:
                 report(f"{missing[0].subject.name!r} could not be registered again", error)
                 given_up.append(missing[0])
-
-    async def _add_again(self, part: Part) -> None:
-        try:
-            await self._add(part, is_again=True)
-        except RegistrationError:
-            status = self._feeds["vehicle_status"]
-            if is_disarmed(status.latest):
-                raise
-            await status.wait(is_disarmed)
-            await self._add(part, is_again=True)

@@ -91,7 +91,7 @@ class Registrar:
         self._given[request.request_id] = None
         reply = await self._ask(request)
         if not reply.success:
-            raise RegistrationError(f"{wanted.name}: {self._why(wanted)}")
+            raise self._refusal(wanted)
         ids = self._given[request.request_id] = _ids_of(reply)
         expected = request.px4_ros2_api_version
         if reply.px4_ros2_api_version != expected:
@@ -184,14 +184,16 @@ class Registrar:
             self._waiting.discard(request.request_id)
         raise self._feeds.no_answer(f"no answer from the vehicle to {_TRIES} registrations of {_PATIENCE:.0f} s")
 
-    def _why(self, wanted: Wanted) -> str:
-        """Return the likely reason of a refusal. The reply of the vehicle has none."""
+    def _refusal(self, wanted: Wanted) -> RegistrationError:
+        """Return the error of a refusal with its likely reason. The reply of the vehicle has none."""
         status = self._feeds["vehicle_status"].latest
         if status is not None and is_armed(status):
-            return ARMED
+            return ArmedError(f"{wanted.name}: {ARMED}")
         if wanted.replaces is not None:
-            return f"another mode already replaces mode {wanted.replaces}, or no slot is free"
-        return "no slot is free: PX4 has 8 modes, 8 arming checks and 5 executors"
+            why = f"another mode already replaces mode {wanted.replaces}, or no slot is free"
+        else:
+            why = "no slot is free: PX4 has 8 modes, 8 arming checks and 5 executors"
+        return RegistrationError(f"{wanted.name}: {why}")
 
 
 def _ids_of(reply: Any) -> Ids:
