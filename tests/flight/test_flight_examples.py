@@ -136,8 +136,8 @@ def test_survey(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:
     flown(main(), vehicle)
     photos = ["item 2: photo 1 of the north west", *(f"item 5: photo {each} of the north east" for each in (1, 2))]
     assert capsys.readouterr().out.splitlines() == [*photos, "back"]
-    assert max(vehicle.nearest(*corner) for corner in [(12.0, 0.0), (12.0, 12.0), (0.0, 12.0)]) < 2.0
-    assert vehicle.modes[:5] == [HOLD, EXTERNAL, TAKEOFF, EXTERNAL, RETURN]
+    assert max(vehicle.nearest(*corner) for corner in [(12.0, 0.0), (12.0, 12.0), (0.0, 0.0)]) < 2.0
+    assert vehicle.modes[:5] == [HOLD, EXTERNAL, TAKEOFF, EXTERNAL, LAND]
 
 
 def test_inspection(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:

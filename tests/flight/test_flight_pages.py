@@ -25,7 +25,7 @@ TEXTS = {
 }
 
 
-@by_day("page", [*TEXTS], 2)
+@by_day("page", [*TEXTS], 3)
 def test_the_programs_print_what_the_page_shows(
     page: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
