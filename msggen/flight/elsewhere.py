@@ -35,6 +35,9 @@ IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
         "LandDetected": _TELEMETRY,
         "HomePositionSetter": "`flight.set_home`, `flight.set_origin`",
         "RequirementFlags": "`Requirement`",
+        "MissionExecutor": "`Mission` of msggen.flight.missions",
+        "ActionInterface": "`Action` of msggen.flight.missions",
+        "Mission": "`Mission` of msggen.flight.missions",
         "PositionNedYaw": _OFFBOARD,
         "VelocityNedYaw": _OFFBOARD,
         "OffboardError": "`FlightError`",
@@ -86,7 +89,7 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "health": "`arm`, which raises RefusedError with the reasons",
         "connect": "`async with Flight(address) as flight`",
         "core": "`async with Flight(address) as flight`",
-        "mission": "missions go over MAVLink, which msggen does not use",
+        "mission": "`Mission.load` of msggen.flight.missions for mission files; PX4's own missions go over MAVLink",
         "param": "parameters go over MAVLink, which msggen does not use",
         "camera": "cameras go over MAVLink, which msggen does not use",
     }
