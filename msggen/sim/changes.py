@@ -16,7 +16,7 @@ _TOPICS = (
     "position_setpoint_triplet",
     "manual_control_setpoint",
 )
-_FLAGS = 13
+_FLAGS = 14
 """The number of `Senses` that FailsafeFlags tells."""
 
 

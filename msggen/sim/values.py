@@ -25,7 +25,7 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.messages.vehicle_types import ROTARY_WING
+from msggen.messages.vehicle_types import TO_FIXED_WING, TRANSITIONS
 from msggen.sim.battery import Battery
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.commander.states import PILOTED
@@ -135,13 +135,17 @@ def _vehicle_status(scene: Scene) -> Values:
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
         "valid_nav_states_mask": _VALID_MODES,
         "can_set_nav_states_mask": commander.selectable,
-        "vehicle_type": ROTARY_WING,
+        "vehicle_type": commander.vehicle_type,
         "failsafe": failsafe.is_active,
         "failsafe_and_user_took_over": failsafe.user_took_over,
         "failsafe_defer_state": failsafe.defer_state,
         "gcs_connection_lost": not scene.world.has_ground_station,
         "battery_warning": battery.warning,
-        "system_type": 2,
+        "is_vtol": commander.airframe.is_vtol,
+        "is_vtol_tailsitter": commander.airframe.is_tailsitter,
+        "in_transition_mode": commander.vtol_state in TRANSITIONS,
+        "in_transition_to_fw": commander.vtol_state == TO_FIXED_WING,
+        "system_type": commander.airframe.system_type,
         "system_id": scene.world.system_id,
         "component_id": 1,
         "safety_button_available": True,
@@ -377,6 +381,7 @@ def _failsafe_flags(scene: Scene) -> Values:
         "manual_control_signal_lost": not senses.manual_control,
         "gcs_connection_lost": not senses.ground_station,
         "battery_warning": senses.battery,
+        "fd_critical_failure": senses.has_fallen,
         "mode_req_wind_and_flight_time_compliance": _WIND_LIMITED,
         "remote_id_unhealthy": True,  # as of every vehicle without a remote id
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 from msggen.messages import nav_states
@@ -23,8 +23,9 @@ _SLACK = 50_000
 """How near to a message of the capture one of our values may end and not be shown by it."""
 _IN_A_ROW = 150_000
 """ModeCompleted is sent each 50 ms: the time within which one belongs to those before it."""
-_INJECT_FAILURE = 420
-"""The command that switches a sensor of the simulator off."""
+_OF_OTHERS = {420, 3000}
+"""The commands that others answer: INJECT_FAILURE switches a sensor of the simulator off, DO_VTOL_TRANSITION is for
+the controller of a VTOL."""
 
 
 # Answers
@@ -34,6 +35,7 @@ def different_answers(replay: Replay) -> list[str]:
     """Return how our answers differ from the captured ones. Those in a cut are left out."""
     ours = first_of_each_row(each for each in replay.answers if not _is_cut(each, replay.captured))
     theirs = first_of_each_row(answers_of(replay.captured))
+    _order(ours, theirs)
     found = [
         f"{one}, captured {two}"
         for one, two in zip(ours, theirs, strict=False)
@@ -41,6 +43,16 @@ def different_answers(replay: Replay) -> list[str]:
     ]
     found += [f"only ours: {each}" for each in ours[len(theirs) :] if each.time < replay.captured.end - _LATE]
     return found + [f"only captured: {each}" for each in theirs[len(ours) :]]
+
+
+def _order(ours: list[Answer], theirs: list[Answer]) -> None:
+    """Order the answers that the captured commander gave in one datagram: a datagram has the order of topics."""
+    place = 0
+    for _, found in groupby([*theirs], lambda each: each.time):
+        end = place + len([*found])
+        for each in (ours, theirs):
+            each[place:end] = sorted(each[place:end], key=lambda one: one.topic)
+        place = end
 
 
 def _is_cut(answer: Answer, captured: Captured) -> bool:
@@ -81,7 +93,7 @@ _ANSWERS: Mapping[str, Callable[[Any], Values | None]] = {
         *(one.disable_auto_disarm, one.defer_failsafes, one.defer_failsafes_timeout_s),
     ),
     "vehicle_command_ack": lambda one: (
-        None if one.command == _INJECT_FAILURE else (one.command, one.result, one.target_component)
+        None if one.command in _OF_OTHERS else (one.command, one.result, one.target_component)
     ),
     "mode_completed": lambda one: None if one.nav_state in nav_states.EXTERNAL else (one.nav_state,),
 }
@@ -118,6 +130,10 @@ def _status_of(one: Any) -> Values:
     )
 
 
+def _vehicle_of(one: Any) -> Values:
+    return one.vehicle_type, one.is_vtol, one.in_transition_mode, one.in_transition_to_fw
+
+
 def _controls_of(one: Any) -> Values:
     """Return what is controlled in the mode of a program. All others of the captured modes are automatic."""
     found = frozenset(each for each in ALL if getattr(one, f"flag_control_{each}_enabled"))
@@ -130,6 +146,7 @@ def _mask_of(name: str) -> Callable[[Any], Values]:
 
 SOURCES: Mapping[str, _Source] = {
     "status": _Source("vehicle_status", _status_of, is_exact=True, is_sent=True),
+    "vehicle": _Source("vehicle_status", _vehicle_of, is_exact=True, is_sent=True),
     "ready": _Source("vehicle_status", lambda one: (one.pre_flight_checks_pass,), is_sent=True),
     "selectable": _Source("vehicle_status", lambda one: (one.can_set_nav_states_mask,)),
     "registrations": _Source("arming_check_request", lambda one: (one.valid_registrations_mask,)),

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
+from msggen.messages.vehicle_types import FIXED_WING, FORWARD, HOVERING, NO_VTOL, TRANSITIONS
 from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.commander import failsafe, states
 from msggen.sim.commander.checks import Checks, Reply, Request
@@ -61,8 +62,8 @@ class Commander:
     ) -> None:
         self.rules = rules
         self.airframe = airframe
-        self.vehicle_type = airframe.vehicle_type
-        """That of VehicleStatus, which a VTOL changes in flight."""
+        self.vtol_state = HOVERING if airframe.is_vtol else NO_VTOL
+        """That of VtolVehicleStatus, which a VTOL changes in flight."""
         self.components = Components()
         self.checks = Checks(rules)
         self.failsafe = Failsafe(round(parameters["COM_FAIL_ACT_T"] * 1e6))
@@ -104,6 +105,11 @@ class Commander:
         self._battery_when_armed = 0
 
     @property
+    def vehicle_type(self) -> int:
+        """That of VehicleStatus. A VTOL in a transition counts as a multicopter."""
+        return FIXED_WING if self.vtol_state == FORWARD else self.airframe.vehicle_type
+
+    @property
     def _in_charge(self) -> int:
         return AUTOPILOT if self.failsafe.is_active else self._executor
 
@@ -130,6 +136,8 @@ class Commander:
             found = (*found, "prevent_arming")
         if self.requirements.blocks_arming:
             found = (*found, "arming_check")
+        if self.senses.has_fallen:
+            found = (*found, "has_fallen")
         return (*found, "battery") if self.senses.battery > 1 else found
 
     # Time
@@ -160,7 +168,8 @@ class Commander:
         modes = self.components.modes
         replaced = {mode: own.replaces for mode, own in modes.items() if own.replaces is not None}
         registered = {each.mode for each in self.checks.registered.values()} & modes.keys()
-        self.requirements = Requirements(self.vehicle_type, registered, self.checks.verdicts(), replaced)
+        kind = FIXED_WING if self.vtol_state in TRANSITIONS else self.vehicle_type
+        self.requirements = Requirements(kind, registered, self.checks.verdicts(), replaced)
         self.is_ready = not self.missing
 
     def _decide(self) -> None:
@@ -224,19 +233,22 @@ class Commander:
         self._rest()
 
     def _rest(self) -> None:
-        """Disarm a vehicle that has rested on the ground for long enough, after a flight or before it."""
+        """Disarm a vehicle that has fallen over, or rested on the ground for long enough, after a flight or before."""
+        if self.is_armed and self._sensed.has_fallen:
+            self._disarm(states.BY_FAILURE)
         if not self.is_armed:
             self._resting = None
         elif not self.takeoff_time:
             self._resting = self._resting or self._now
-            seconds = self._parameters["COM_SPOOLUP_TIME"] + self._parameters["COM_DISARM_PRFLT"]
-            self._disarm_after(seconds, states.BY_INACTION)
+            self._disarm_after("COM_DISARM_PRFLT", states.BY_INACTION, self._parameters["COM_SPOOLUP_TIME"])
         elif not self._applied.keeps_armed:
             self._resting = (self._resting or self._now) if self._sensed.is_landed else None
-            self._disarm_after(self._parameters["COM_DISARM_LAND"], states.BY_LANDING)
+            self._disarm_after("COM_DISARM_LAND", states.BY_LANDING)
 
-    def _disarm_after(self, seconds: float, reason: int) -> None:
-        if self._resting is not None and self._now >= self._resting + seconds * 1e6:
+    def _disarm_after(self, name: str, reason: int, more: float = 0.0) -> None:
+        """Disarm after the seconds of a parameter and some more. A parameter that is not positive never disarms."""
+        seconds = self._parameters[name]
+        if seconds > 0 and self._resting is not None and self._now >= self._resting + (seconds + more) * 1e6:
             self._disarm(reason)
 
     # Programs
