@@ -87,7 +87,7 @@ def test_the_commander_does_what_px4_did(name: str, px4_types: Any) -> None:
 def test_every_flight_is_there_and_much_of_it_is_compared(px4_types: Any) -> None:
     flights = [flight_captures.Captured(px4_types, name) for name in flight_captures.names()]
     assert len(flights) == 41
-    assert Counter(each.topic for flight in flights for each in first_of_each_row(answers_of(flight))) == {
+    assert Counter(each.topic for flight in flights for each in first_of_each_row(answers_of(flight.samples))) == {
         "vehicle_command_ack": 174,
         "register_ext_component_reply": 110,
         "setpoint_config_reply": 155,

@@ -160,7 +160,7 @@ class Captured:
         flight = load(name)
         messages = {each.ros_name: each.message for each in package.topics.ENDPOINTS}
         samples = [
-            Sample(round(time * 1e6), _bare(topic), messages[topic].decode(bytes.fromhex(data)))
+            Sample(round(time * 1e6), bare(topic), messages[topic].decode(bytes.fromhex(data)))
             for time, topic, data in flight.rows
         ]
         begin = next(each.time for each in samples if each.topic == "vehicle_status")
@@ -183,12 +183,13 @@ class Captured:
         return next((each.message for each in found if each.time >= time), found[-1].message)
 
 
-def _bare(topic: str) -> str:
+def bare(topic: str) -> str:
+    """Return the name of a topic in uORB."""
     name = topic.rpartition("/")[2]
     return name.rpartition("_v")[0] if name[-1].isdigit() else name
 
 
-_NEVER_OLD = {_bare(topic) for topic in set(TOPICS) - set(ANSWERS)}
+_NEVER_OLD = {bare(topic) for topic in set(TOPICS) - set(ANSWERS)}
 
 
 def _fresh(samples: Sequence[Sample]) -> Iterator[Sample]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from msggen.messages import nav_states
 from msggen.sim.commander.requirements import OF_PX4
 from msggen.sim.commander.setpoint_types import ALL
-from support.flight_captures import Captured
-from support.flight_replay import OF_TYPES, Answer, Replay, Seen, Values, text_of
+from support.flight_captures import Captured, Sample
+from support.flight_replay import OF_TYPES, Answer, Seen, Values, text_of
 
 FAR = 300_000
 """How far apart in us times may be."""
@@ -31,15 +31,32 @@ the controller of a VTOL."""
 # Answers
 
 
-def different_answers(replay: Replay) -> list[str]:
-    """Return how our answers differ from the captured ones. Those in a cut are left out."""
+class Compared(Protocol):
+    """What is compared with a capture: a `Replay`, or a whole vehicle."""
+
+    captured: Captured
+
+    @property
+    def answers(self) -> Sequence[Answer]:
+        """What it answered."""
+
+    @property
+    def seen(self) -> Mapping[str, Sequence[Seen]]:
+        """Each value that changed, by its name."""
+
+
+def different_answers(replay: Compared, far: int = FAR, others: Collection[int] = _OF_OTHERS) -> list[str]:
+    """Return how our answers differ from the captured ones, or are further apart than `far` us.
+
+    Those in a cut are left out, and those to the commands of `others`.
+    """
     ours = first_of_each_row(each for each in replay.answers if not _is_cut(each, replay.captured))
-    theirs = first_of_each_row(answers_of(replay.captured))
+    theirs = first_of_each_row(answers_of(replay.captured.samples, others))
     _order(ours, theirs)
     found = [
         f"{one}, captured {two}"
         for one, two in zip(ours, theirs, strict=False)
-        if one[1:] != two[1:] or abs(one.time - two.time) > FAR
+        if one[1:] != two[1:] or abs(one.time - two.time) > far
     ]
     found += [f"only ours: {each}" for each in ours[len(theirs) :] if each.time < replay.captured.end - _LATE]
     return found + [f"only captured: {each}" for each in theirs[len(ours) :]]
@@ -71,11 +88,11 @@ def first_of_each_row(answers: Iterator[Answer]) -> list[Answer]:
     return found
 
 
-def answers_of(captured: Captured) -> Iterator[Answer]:
-    """Yield the answers of the captured commander."""
-    for sample in captured.samples:
+def answers_of(samples: Iterable[Sample], others: Collection[int] = _OF_OTHERS) -> Iterator[Answer]:
+    """Yield the answers among samples, but not those to the commands of `others`."""
+    for sample in samples:
         values = _ANSWERS[sample.topic](sample.message) if sample.topic in _ANSWERS else None
-        if values:
+        if values and not (sample.topic == "vehicle_command_ack" and sample.message.command in others):
             yield Answer(sample.time, sample.topic, values)
 
 
@@ -92,9 +109,7 @@ _ANSWERS: Mapping[str, Callable[[Any], Values | None]] = {
         *(one.source_type, one.source_id),
         *(one.disable_auto_disarm, one.defer_failsafes, one.defer_failsafes_timeout_s),
     ),
-    "vehicle_command_ack": lambda one: (
-        None if one.command in _OF_OTHERS else (one.command, one.result, one.target_component)
-    ),
+    "vehicle_command_ack": lambda one: (one.command, one.result, one.target_component),
     "mode_completed": lambda one: None if one.nav_state in nav_states.EXTERNAL else (one.nav_state,),
 }
 """The values of each answer that are compared, None if it is not one of the commander."""
@@ -111,7 +126,7 @@ class Shown(NamedTuple):
     value: Values
 
 
-class _Source(NamedTuple):
+class Source(NamedTuple):
     """What shows a value."""
 
     topic: str
@@ -144,28 +159,28 @@ def _mask_of(name: str) -> Callable[[Any], Values]:
     return lambda one: (getattr(one, f"mode_req_{name}"),)
 
 
-SOURCES: Mapping[str, _Source] = {
-    "status": _Source("vehicle_status", _status_of, is_exact=True, is_sent=True),
-    "vehicle": _Source("vehicle_status", _vehicle_of, is_exact=True, is_sent=True),
-    "ready": _Source("vehicle_status", lambda one: (one.pre_flight_checks_pass,), is_sent=True),
-    "selectable": _Source("vehicle_status", lambda one: (one.can_set_nav_states_mask,)),
-    "registrations": _Source("arming_check_request", lambda one: (one.valid_registrations_mask,)),
-    "controls": _Source("vehicle_control_mode", _controls_of),
-    **{name: _Source("failsafe_flags", _mask_of(name)) for name in OF_PX4},
+SOURCES: Mapping[str, Source] = {
+    "status": Source("vehicle_status", _status_of, is_exact=True, is_sent=True),
+    "vehicle": Source("vehicle_status", _vehicle_of, is_exact=True, is_sent=True),
+    "ready": Source("vehicle_status", lambda one: (one.pre_flight_checks_pass,), is_sent=True),
+    "selectable": Source("vehicle_status", lambda one: (one.can_set_nav_states_mask,)),
+    "registrations": Source("arming_check_request", lambda one: (one.valid_registrations_mask,)),
+    "controls": Source("vehicle_control_mode", _controls_of),
+    **{name: Source("failsafe_flags", _mask_of(name)) for name in OF_PX4},
 }
 """What shows each value of `Replay.seen`."""
 
 
-def different_values(replay: Replay) -> list[str]:
-    """Return how the changes of our values differ from the captured ones."""
+def different_values(replay: Compared, sources: Mapping[str, Source] = SOURCES, far: int = FAR) -> list[str]:
+    """Return how the changes of our values differ from the captured ones, or are further apart than `far` us."""
     return [
         f"{name}: {each}"
-        for name, source in SOURCES.items()
-        for each in _Comparison(source, replay.captured).differences(replay.seen[name])
+        for name, source in sources.items()
+        for each in _Comparison(source, replay.captured, far).differences(replay.seen[name])
     ]
 
 
-def shown(source: _Source, captured: Captured) -> list[Shown]:
+def shown(source: Source, captured: Captured) -> list[Shown]:
     """Return the values that a capture shows, each once until another one."""
     found: list[Shown] = []
     before = captured.samples[0].time
@@ -180,7 +195,8 @@ def shown(source: _Source, captured: Captured) -> list[Shown]:
 class _Comparison:
     """The comparison of a value with a capture."""
 
-    def __init__(self, source: _Source, captured: Captured) -> None:
+    def __init__(self, source: Source, captured: Captured, far: int) -> None:
+        self._far = far
         self._source = source
         self._captured = captured
         self._shown = shown(source, captured)
@@ -204,19 +220,21 @@ class _Comparison:
 
     def _matches(self, own: Seen, theirs: Shown) -> bool:
         """Return whether one of our values has the time at which a message could have shown it."""
-        cuts = [begin for begin, end in self._captured.cuts if begin < theirs.time < end + FAR]
-        return own.value == theirs.value and min([theirs.after, *cuts]) - FAR <= own.time <= theirs.time + FAR
+        cuts = [begin for begin, end in self._captured.cuts if begin < theirs.time < end + self._far]
+        return (
+            own.value == theirs.value and min([theirs.after, *cuts]) - self._far <= own.time <= theirs.time + self._far
+        )
 
     def _may_miss(self, place: int) -> bool:
         """Return whether a captured value is at the end, or so short that another phase does not show it."""
         times = [each.time for each in self._shown[place:]]
         is_brief = len(times) > 1 and times[1] - times[0] <= _BRIEF
-        return (is_brief and not self._source.is_exact) or times[0] > self._captured.end - FAR
+        return (is_brief and not self._source.is_exact) or times[0] > self._captured.end - self._far
 
     def _may_skip(self, own: Seen, until: int, last: Values) -> bool:
         """Return whether one of our values is the last one again, or so short that no message shows it."""
         captured = self._captured
         is_shown = self._source.is_sent or any(own.time + _SLACK < time < until - _SLACK for time in self._messages)
-        is_blind = any(one - FAR <= own.time and until <= two + FAR for one, two in captured.blind)
-        is_brief = until - own.time <= _BRIEF or own.time > captured.end - FAR
+        is_blind = any(one - self._far <= own.time and until <= two + self._far for one, two in captured.blind)
+        is_brief = until - own.time <= _BRIEF or own.time > captured.end - self._far
         return own.value == last or is_brief or is_blind or not is_shown

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from msggen.sim.alone import BOOT, LoneFlight
 from msggen.sim.options import Options
@@ -43,10 +43,10 @@ class Topic(NamedTuple):
         """Whether it is published at a rate, on change, once or never."""
         if self.samples < 2:
             return "once" if self.samples else "silent"
-        return "on change" if self.flight < _ON_CHANGE else "at a rate"
+        return "on change" if self.flight < ON_CHANGE else "at a rate"
 
 
-_ON_CHANGE = 0.3
+ON_CHANGE = 0.3
 """The rate in Hz below which a topic is published only when it changes."""
 
 
@@ -67,7 +67,7 @@ def facts(samples: Iterable[Timed], names: Iterable[str]) -> dict[str, Topic]:
             _rate(found, start, changed),
             _rate(found, lifted, landed),
             len(found),
-            _fields([message for time, message in found if lifted <= time < landed]),
+            fields_of([message for time, message in found if lifted <= time < landed]),
         )
         for topic, found in sorted(by_topic.items())
     }
@@ -77,7 +77,7 @@ def _rate(samples: Sequence[tuple[float, Any]], start: float, end: float) -> flo
     return round(sum(start <= time < end for time, _ in samples) / (end - start), 2)
 
 
-def _fields(messages: Sequence[Any]) -> dict[str, str]:
+def fields_of(messages: Sequence[Any]) -> dict[str, str]:
     """Return what is in each field of messages: it moves, or is always 0, NaN, infinite, or something else."""
     names = [field.name for field in messages[0].__msg__.fields] if messages else []
     return {name: _content([getattr(each, name) for each in messages]) for name in names if name not in _TIMES}
@@ -156,7 +156,7 @@ def table(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> str:
 
 
 def _shown(rate: float) -> str:
-    return f"{rate:.1f}" if rate >= _ON_CHANGE else "-"
+    return f"{rate:.1f}" if rate >= ON_CHANGE else "-"
 
 
 # Where sessions come from
@@ -201,7 +201,17 @@ def text_of(found: Mapping[str, Topic]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def different_fields(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> Iterator[tuple[str, str, str, str]]:
+class HasFields(Protocol):
+    """What is known of a topic, such as `Topic`."""
+
+    @property
+    def fields(self) -> Mapping[str, str]:
+        """See `Topic`."""
+
+
+def different_fields(
+    real: Mapping[str, HasFields], own: Mapping[str, HasFields]
+) -> Iterator[tuple[str, str, str, str]]:
     """Yield the fields whose content differs while both are in the air: topic, field, in the real one, in the other."""
     for name, topic in real.items():
         for field, kind in topic.fields.items():

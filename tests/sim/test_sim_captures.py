@@ -1,0 +1,150 @@
+"""Whole simulated planes, VTOLs and rovers beside captured flights of PX4 v1.18: each flies a capture again.
+
+It is told what programs told the captured one, at the same times: it must give the same answers in the same order, go
+through the same states, fly the same way, and publish its topics in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import pytest
+
+from support import captured_paths, published_flights
+from support.captured_paths import farthest
+from support.flight_comparison import different_answers, different_values
+from support.flown_captures import ALL_SOURCES, FlownCapture
+from support.published import RATES, different_fields
+from support.published_flights import FLIGHTS, Flying
+from support.repository import shared
+
+REAL = published_flights.load()
+FAR = 1_500_000
+"""How far apart in us answers and states may be that follow from motion."""
+
+
+class Phase(NamedTuple):
+    """A part of a flight, and how near to the captured vehicle the simulated one has to be in it."""
+
+    begin: float
+    end: float
+    """In s."""
+    near: Mapping[str, float]
+    """By quantities: degrees, m and m/s."""
+
+
+PHASES: Mapping[tuple[str, str], Phase] = {
+    ("fw-flight", "takeoff"): Phase(11.0, 16.3, {"course": 3, "altitude": 5, "speed": 2}),
+    ("fw-flight", "hold"): Phase(27.2, 28.7, {"course": 10, "altitude": 3, "speed": 1}),
+    ("fw-flight", "no setpoint yet"): Phase(29.8, 34.7, {"course": 5, "altitude": 1, "speed": 1}),
+    ("fw-flight", "turn by course"): Phase(34.8, 38.0, {"course": 25, "speed": 2}),
+    ("fw-flight", "climb to an altitude"): Phase(38.0, 53.0, {"course": 4, "altitude": 5, "speed": 1}),
+    ("fw-flight", "at the altitude"): Phase(54.5, 60.7, {"course": 3, "altitude": 4, "speed": 1}),
+    ("fw-flight", "lateral acceleration, height rate"): Phase(77.1, 78.7, {"roll": 6, "climb": 1}),
+    ("fw-flight", "turn and descend"): Phase(79.0, 86.7, {"course": 25, "altitude": 5, "speed": 2}),
+    ("fw-flight", "trajectory setpoints"): Phase(94.9, 100.7, {"course": 3, "altitude": 2, "speed": 1}),
+    ("fw-flight", "turn at the altitude"): Phase(100.8, 108.7, {"course": 20, "altitude": 2, "speed": 1.5}),
+    ("fw-flight", "setpoints in Hold"): Phase(108.8, 112.0, {"course": 5, "altitude": 2, "speed": 1}),
+    ("fw-flight", "turn back"): Phase(117.9, 120.7, {"course": 40, "altitude": 3, "speed": 1.5}),
+    ("fw-flight", "return"): Phase(122.5, 128.0, {"climb": 1.5, "speed": 1}),
+    ("vtol-flight", "takeoff"): Phase(11.1, 25.4, {"north": 1, "east": 1.5, "altitude": 3}),
+    ("vtol-flight", "hover"): Phase(26.2, 30.1, {"north": 1, "east": 1, "altitude": 1}),
+    ("vtol-flight", "to forward flight"): Phase(30.2, 32.4, {"speed": 1.5, "altitude": 1}),
+    ("vtol-flight", "turn by course"): Phase(33.3, 37.0, {"course": 25, "speed": 1.5, "altitude": 3}),
+    ("vtol-flight", "climb to an altitude"): Phase(37.0, 47.0, {"course": 4, "speed": 1, "altitude": 5}),
+    ("vtol-flight", "at the altitude"): Phase(48.0, 60.2, {"course": 4, "speed": 1, "altitude": 3}),
+    ("vtol-flight", "without setpoints"): Phase(60.3, 66.2, {"course": 4, "speed": 1, "altitude": 2}),
+    ("vtol-flight", "to hovering"): Phase(66.3, 66.9, {"speed": 2, "altitude": 1.5}),
+    ("vtol-flight", "hover again"): Phase(68.2, 72.2, {"north": 1, "east": 1, "altitude": 1.5}),
+    ("vtol-flight", "to forward flight again"): Phase(72.3, 75.0, {"speed": 1.5, "height": 1.5}),
+    ("vtol-flight", "forward by the old course"): Phase(75.3, 80.3, {"course": 8, "speed": 1.5, "height": 2}),
+    ("rover-drive", "to a place"): Phase(9.8, 20.7, {"north": 2.5, "east": 1}),
+    ("rover-drive", "speed and attitude"): Phase(20.8, 28.7, {"heading": 30, "speed": 0.6}),
+    ("rover-drive", "without setpoints"): Phase(28.8, 32.7, {"heading": 3, "speed": 0.4}),
+    ("rover-drive", "throttle beside the old speed"): Phase(32.9, 36.8, {"heading": 3, "speed": 0.4}),
+    ("rover-drive", "throttle alone"): Phase(38.3, 40.8, {"heading": 3, "speed": 0.4}),
+    ("rover-drive", "speed and rate"): Phase(41.7, 45.8, {"heading": 25, "speed": 0.5}),
+    ("rover-drive", "trajectory setpoints"): Phase(46.0, 48.8, {"heading": 30, "speed": 0.6}),
+    ("rover-drive", "to another place"): Phase(49.4, 53.8, {"heading": 30, "speed": 0.6}),
+    ("rover-drive", "Land"): Phase(53.9, 55.8, {"heading": 5, "speed": 0.6}),
+}
+"""By the names of flights, and of their phases."""
+
+
+@pytest.fixture(scope="module")
+def flown(px4_types: Any) -> Callable[[str], FlownCapture]:
+    @cache
+    def fly(name: str) -> FlownCapture:
+        made = FlownCapture(px4_types, name)
+        made.run()
+        return made
+
+    return fly
+
+
+@pytest.mark.parametrize("name", captured_paths.names())
+def test_a_vehicle_answers_and_changes_its_state_as_px4_did(name: str, flown: Callable[[str], FlownCapture]) -> None:
+    made = flown(name)
+    assert different_answers(made, FAR, ()) == []
+    assert different_values(made, ALL_SOURCES, FAR) == []
+
+
+@pytest.mark.parametrize(("name", "phase"), PHASES)
+def test_a_vehicle_moves_as_px4_did(name: str, phase: str, flown: Callable[[str], FlownCapture]) -> None:
+    begin, end, near = PHASES[name, phase]
+    made = flown(name)
+    real = [each for each in made.path.places if begin <= each.time < end]
+    found = {quantity: farthest(quantity, real, made.places) for quantity in near}
+    assert {quantity: apart for quantity, apart in found.items() if apart[0] > near[quantity]} == {}
+
+
+@pytest.fixture(scope="module")
+def own(px4_types: Any, flown: Callable[[str], FlownCapture]) -> Callable[[str], dict[str, Flying]]:
+    def find(vehicle: str) -> dict[str, Flying]:
+        return published_flights.simulated(px4_types, vehicle, flown(FLIGHTS[vehicle]))
+
+    return cache(find)
+
+
+@pytest.mark.parametrize("vehicle", FLIGHTS)
+def test_the_same_topics_are_published_at_a_rate_on_change_once_or_never(
+    vehicle: str, own: Callable[[str], dict[str, Flying]]
+) -> None:
+    real, ours = REAL[vehicle], own(vehicle)
+    different = {name: (each.how, ours[name].how) for name, each in real.items() if each.how != ours[name].how}
+    assert different == {}
+
+
+@pytest.mark.parametrize("vehicle", FLIGHTS)
+def test_topics_have_the_rates_of_the_real_vehicle(vehicle: str, own: Callable[[str], dict[str, Flying]]) -> None:
+    ours = own(vehicle)
+    different = {
+        name: (each.rate, ours[name].rate)
+        for name, each in REAL[vehicle].items()
+        if each.rate is not None and ours[name].rate != pytest.approx(each.rate, rel=0.05, abs=0.3)
+    }
+    assert {name: rates for name, rates in different.items() if name not in RATES} == {}
+
+
+@pytest.mark.parametrize("vehicle", FLIGHTS)
+def test_fields_move_and_stand_still_as_those_of_the_real_vehicle(
+    vehicle: str, own: Callable[[str], dict[str, Flying]]
+) -> None:
+    found = different_fields(REAL[vehicle], own(vehicle))
+    accepted = {(name, field) for name, fields in published_flights.FIELDS[vehicle].items() for field in fields}
+    different = {(name, field): kinds for name, field, *kinds in found}
+    assert {each: kinds for each, kinds in different.items() if each not in accepted} == {}
+    assert accepted - different.keys() == set(), "no longer different"
+
+
+@pytest.mark.night  # it can change with the files only
+@pytest.mark.parametrize("name", captured_paths.names())
+def test_the_paths_are_those_of_the_whole_captures(name: str) -> None:
+    assert captured_paths.whole(shared("oracles/flight"), name) == captured_paths.load(name)
+
+
+@pytest.mark.night  # it can change with the files only
+def test_the_facts_are_those_of_the_captures(px4_types: Any) -> None:
+    assert published_flights.captured(px4_types, shared("oracles/flight")) == REAL
