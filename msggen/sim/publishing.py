@@ -112,7 +112,7 @@ class Schedule:
         self._publications = tuple(each for each in publications if not each.is_answer and not each.is_silent)
         self._due = [(start + index * _SPREAD, index) for index in range(len(self._publications))]
         self._earliest = [time for time, _ in self._due]
-        """When each can be published next if it changes."""
+        """When each can be published next if it changes. As in uORB, a pause that was not used counts once."""
 
     @property
     def next_time(self) -> int | None:
@@ -139,7 +139,7 @@ class Schedule:
             publication = self._publications[index]
             yield publication
             interval = publication.interval
-            self._earliest[index] = time + publication.pause
+            self._earliest[index] = min(max(self._earliest[index], now - publication.pause), now) + publication.pause
             following = _NEVER if interval is None else time + interval if time + interval > now else now + interval
             heapq.heapreplace(due, (following, index))
 

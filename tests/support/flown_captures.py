@@ -13,6 +13,7 @@ from typing import Any
 
 from msggen.sim import Options
 from msggen.sim.near import NearVehicle
+from msggen.sim.places import Home
 from support import captured_paths
 from support.captured_paths import Place, nearest, place_of
 from support.flight_captures import TOLD, Captured, Sample, bare
@@ -27,6 +28,8 @@ OF_CAPTURES: Mapping[str, Mapping[str, float]] = {
 """The parameters with which each vehicle was captured."""
 _PERIOD = 1 / 30
 """The time in s between two setpoints."""
+_BEFORE = 1_000_000
+"""The time in which each topic is published at least once."""
 _REPLY = "arming_check_reply"
 ALL_SOURCES: Mapping[str, Source] = {
     **SOURCES,
@@ -46,7 +49,8 @@ class FlownCapture:
         """All that the vehicle published, and what it was told."""
         vehicle = vehicle_of(name)
         parameters = {"COM_MODE_ARM_CHK": PARAMETERS["COM_MODE_ARM_CHK"], **OF_CAPTURES[vehicle]}
-        self._vehicle = NearVehicle(package, Options(vehicle=vehicle, parameters=parameters), log=self)
+        options = Options(vehicle=vehicle, parameters=parameters, home=Home(altitude=0.0))
+        self._vehicle = NearVehicle(package, options, log=self)
         self._messages = {each.uorb_topic: each.message for each in package.topics.ENDPOINTS}
         self._replies = self.captured.of(_REPLY)
 
@@ -74,11 +78,13 @@ class FlownCapture:
 
     def _seen(self, source: Source) -> Iterator[Seen]:
         last: Values = ()
+        begin = self.captured.samples[0].time
         for each in self.samples:
-            value = source.value_of(each.message) if each.topic == source.topic else last
-            if value != last:
-                last = value
-                yield Seen(each.time, value)
+            if each.topic == source.topic and each.time >= begin - _BEFORE:
+                value = source.value_of(each.message)
+                if value != last:
+                    last = value
+                    yield Seen(max(begin, each.time), value)
 
     @cached_property
     def places(self) -> list[Place]:
@@ -95,7 +101,7 @@ class FlownCapture:
                 yield each.time, each.topic, each.message
         for sent in self.path.runs:
             message = self._messages[sent.topic].decode(bytes.fromhex(sent.data))
-            for step in range(1 + round((sent.end - sent.begin) / _PERIOD)):
+            for step in range(1 + int((sent.end - sent.begin) / _PERIOD)):
                 yield round((sent.begin + step * _PERIOD) * 1e6), sent.topic, message
         for _, end in self.captured.cuts:
             yield end, "", nearest(self.path.places, end / 1e6)
@@ -112,7 +118,7 @@ class FlownCapture:
         now = self._vehicle.time
         self.samples.append(Sample(now, topic, message))
         if topic == "arming_check_request" and now <= self._replies[-1].time:
-            reply = max((each for each in self._replies if each.time <= now), key=lambda each: each.time).message
+            reply = next((each for each in self._replies[::-1] if each.time <= now), self._replies[0]).message
             reply.request_id = message.request_id
             self._vehicle.publish(_REPLY, reply)
 

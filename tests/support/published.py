@@ -110,6 +110,7 @@ _MODES = "the one flew the mode of a program's executor, the other one Offboard 
 _BATTERY = "PX4's simulator of a battery estimates its model while it drains"
 _HEADING = "the magnetometer of sim is never doubted, nor is its range sensor"
 _GROUND = "the ground of sim is flat, and always known"
+_HOME = "home is exactly the origin in sim, and has no attitude"
 _NAVIGATOR = "sim has no navigator: the triplet is empty"
 FIELDS: Mapping[str, Mapping[str, str]] = {
     "battery_status": {"current_average_a": _BATTERY, "scale": _BATTERY},
@@ -121,6 +122,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "cs_mag_aligned_in_flight": _HEADING,
     },
     "failsafe_flags": {"offboard_control_signal_lost": _MODES},
+    "home_position": dict.fromkeys(("x", "y", "z", "roll", "pitch", "yaw"), _HOME),
     "position_setpoint_triplet": dict.fromkeys(("previous", "current", "next"), _NAVIGATOR),
     "timesync_status": dict.fromkeys(
         ("observed_offset", "estimated_offset", "round_trip_time"), "this flight of sim has no agent"
