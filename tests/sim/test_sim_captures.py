@@ -36,9 +36,9 @@ class Phase(NamedTuple):
 
 
 PHASES: Mapping[tuple[str, str], Phase] = {
-    ("fw-flight", "takeoff"): Phase(11.0, 16.3, {"course": 3, "altitude": 5, "speed": 2}),
+    ("fw-flight", "takeoff"): Phase(11.0, 16.3, {"course": 3, "altitude": 5, "speed": 4}),
     ("fw-flight", "hold"): Phase(27.2, 28.7, {"course": 10, "altitude": 3, "speed": 1}),
-    ("fw-flight", "no setpoint yet"): Phase(29.8, 34.7, {"course": 5, "altitude": 1, "speed": 1}),
+    ("fw-flight", "no setpoint yet"): Phase(29.8, 34.7, {"course": 12, "altitude": 1, "speed": 1}),
     ("fw-flight", "turn by course"): Phase(34.8, 38.0, {"course": 25, "speed": 2}),
     ("fw-flight", "climb to an altitude"): Phase(38.0, 53.0, {"course": 4, "altitude": 5, "speed": 1}),
     ("fw-flight", "at the altitude"): Phase(54.5, 60.7, {"course": 3, "altitude": 4, "speed": 1}),
@@ -61,7 +61,7 @@ PHASES: Mapping[tuple[str, str], Phase] = {
     ("vtol-flight", "to forward flight again"): Phase(72.3, 75.0, {"speed": 1.5, "height": 1.5}),
     ("vtol-flight", "forward by the old course"): Phase(75.3, 80.3, {"course": 8, "speed": 1.5, "height": 2}),
     ("rover-drive", "to a place"): Phase(9.8, 20.7, {"north": 2.5, "east": 1}),
-    ("rover-drive", "speed and attitude"): Phase(20.8, 28.7, {"heading": 30, "speed": 0.6}),
+    ("rover-drive", "speed and attitude"): Phase(22.2, 28.7, {"heading": 10, "speed": 0.6}),
     ("rover-drive", "without setpoints"): Phase(28.8, 32.7, {"heading": 3, "speed": 0.4}),
     ("rover-drive", "throttle beside the old speed"): Phase(32.9, 36.8, {"heading": 3, "speed": 0.4}),
     ("rover-drive", "throttle alone"): Phase(38.3, 40.8, {"heading": 3, "speed": 0.4}),

@@ -15,7 +15,7 @@ from msggen.sim import Options
 from msggen.sim.near import NearVehicle
 from msggen.sim.places import Home
 from support import captured_paths
-from support.captured_paths import Place, nearest, place_of
+from support.captured_paths import Place, Run, nearest, place_of
 from support.flight_captures import TOLD, Captured, Sample, bare
 from support.flight_comparison import SOURCES, Source, answers_of
 from support.flight_replay import PARAMETERS, Answer, Seen, Values, vehicle_of
@@ -30,6 +30,10 @@ _PERIOD = 1 / 30
 """The time in s between two setpoints."""
 _BEFORE = 1_000_000
 """The time in which each topic is published at least once."""
+_GROUND = 0.02
+"""The altitude of the captured ground above mean sea level in m."""
+IN_CUTS: Mapping[str, Sequence[tuple[str, float]]] = {"fw-flight": [("fixed_wing_longitudinal_setpoint", 68.8)]}
+"""What programs sent in a cut: the first setpoint of a topic again, from a time in s on."""
 _REPLY = "arming_check_reply"
 ALL_SOURCES: Mapping[str, Source] = {
     **SOURCES,
@@ -44,12 +48,13 @@ class FlownCapture:
 
     def __init__(self, package: Any, name: str) -> None:
         self.captured = Captured(package, name)
+        self._name = name
         self.path = captured_paths.load(name)
         self.samples: list[Sample] = []
         """All that the vehicle published, and what it was told."""
         vehicle = vehicle_of(name)
         parameters = {"COM_MODE_ARM_CHK": PARAMETERS["COM_MODE_ARM_CHK"], **OF_CAPTURES[vehicle]}
-        options = Options(vehicle=vehicle, parameters=parameters, home=Home(altitude=0.0))
+        options = Options(vehicle=vehicle, parameters=parameters, home=Home(altitude=_GROUND))
         self._vehicle = NearVehicle(package, options, log=self)
         self._messages = {each.uorb_topic: each.message for each in package.topics.ENDPOINTS}
         self._replies = self.captured.of(_REPLY)
@@ -99,13 +104,17 @@ class FlownCapture:
         for each in self.captured.samples:
             if each.topic in told:
                 yield each.time, each.topic, each.message
-        for sent in self.path.runs:
+        for sent in (*self.path.runs, *self._unseen()):
             message = self._messages[sent.topic].decode(bytes.fromhex(sent.data))
             for step in range(1 + int((sent.end - sent.begin) / _PERIOD)):
                 yield round((sent.begin + step * _PERIOD) * 1e6), sent.topic, message
         for _, end in self.captured.cuts:
             yield end, "", nearest(self.path.places, end / 1e6)
         yield self.captured.end, "", None
+
+    def _unseen(self) -> Iterator[Run]:
+        for topic, time in IN_CUTS.get(self._name, ()):
+            yield next(each for each in self.path.runs if each.topic == topic)._replace(begin=time, end=time)
 
     def _bring(self, place: Place) -> None:
         """Put the vehicle where the captured one was."""

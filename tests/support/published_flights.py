@@ -30,6 +30,8 @@ _THINNED = 6.0
 """The rate in Hz from which on a topic is not whole in the long captures."""
 
 
+_EDGE = 0.5
+"""The time in s around takeoff and landing that is left out: two vehicles do not take off at the same moment."""
 FIELDS: Mapping[str, Mapping[str, Mapping[str, str]]] = {vehicle: {} for vehicle in FLIGHTS}
 """The fields of each vehicle that have other values, and why."""
 
@@ -62,8 +64,8 @@ def parts_of(package: Any, name: str) -> list[Part]:
     """Return the parts of a capture in which the vehicle flies or drives, without what was cut out."""
     captured = Captured(package, name)
     times = [(each.time / 1e6, each.message.landed) for each in captured.of("vehicle_land_detected")]
-    begin = next(time for time, landed in times if not landed)
-    end = next((time for time, landed in times if landed and time > begin), captured.end / 1e6)
+    begin = next(time for time, landed in times if not landed) + _EDGE
+    end = next((time for time, landed in times if landed and time > begin), captured.end / 1e6) - _EDGE
     gaps = [gap for gap in flight_captures.load(name).gaps if begin < gap[0] < end]
     edges = [begin, *(time for gap in gaps for time in gap), end]
     return [Part(*each) for each in [*pairwise(edges)][::2]]
