@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.messages import nav_states
 from msggen.messages.commands import EXECUTOR, TEMPORARILY_REJECTED
-from msggen.messages.vehicle_types import TO_FIXED_WING, TRANSITIONS
+from msggen.messages.vehicle_types import VtolState
 from msggen.sim.airframes import AIRFRAMES
 from msggen.sim.commander.checks import Reply
-from msggen.sim.commander.commander import Commander, Overrides
-from msggen.sim.commander.components import Registration
+from msggen.sim.commander.commander import Commander
+from msggen.sim.commander.components import Overrides, Registration
 from msggen.sim.commander.requirements import OF_PX4, Senses
 from msggen.sim.commander.rules import V1_18, Rules
 from support.flight_captures import SEEN, Captured, Sample
@@ -159,9 +159,9 @@ class Replay:
         return (*modes, 2 if one.is_armed else 1, *active, one.arming_reason, one.disarming_reason)
 
     def _vehicle(self) -> Values:
-        one = self.commander
-        is_fast = one.vtol_state == TO_FIXED_WING
-        return one.vehicle_type, one.airframe.is_vtol, one.vtol_state in TRANSITIONS, is_fast
+        one, state = self.commander, self.commander.vtol_state
+        is_transition = state is not None and state.is_transition
+        return one.vehicle_type, one.airframe.is_vtol, is_transition, state is VtolState.TO_FORWARD
 
     def _see(self, name: str, *value: Any) -> None:
         seen = self.seen.setdefault(name, [])
@@ -180,7 +180,7 @@ class Replay:
         elif sample.topic == "vehicle_land_detected":
             self._senses = self._senses._replace(is_landed=message.landed)
         elif sample.topic == "vtol_vehicle_status":
-            self.commander.vtol_state = message.vehicle_vtol_state
+            self.commander.vtol_state = VtolState(message.vehicle_vtol_state)
         elif sample.topic == "mode_completed":
             self._ends[message.nav_state] = sample.time
             self._step()  # before a command that follows it

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
-from msggen.messages.vehicle_types import FIXED_WING, FORWARD, HOVERING, NO_VTOL, TRANSITIONS
+from msggen.messages.vehicle_types import FIXED_WING, VtolState
 from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.commander import failsafe, states
 from msggen.sim.commander.checks import Checks, Reply, Request
@@ -22,6 +21,7 @@ from msggen.sim.commander.components import (
     REFUSED,
     REFUSED_ARMED,
     Components,
+    Overrides,
     Registered,
     Registration,
 )
@@ -29,6 +29,7 @@ from msggen.sim.commander.failsafe import Action, Failsafe, Situation, Trigger
 from msggen.sim.commander.requirements import Requirements, Senses, texts_of
 from msggen.sim.commander.rules import Rules
 from msggen.sim.commander.setpoint_types import ALL, Controls, controls_of
+from msggen.sim.commander.while_armed import WhileArmed
 
 LOOP = 10_000
 """The time between two steps of PX4's commander."""
@@ -36,19 +37,9 @@ _CHECKS = 100_000
 """The time between two looks at the requirements of modes."""
 _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
-_REPORTED = frozenset({nav_states.TAKEOFF, nav_states.LAND, nav_states.RETURN})
+_TAKEOFFS = frozenset({nav_states.TAKEOFF, nav_states.VTOL_TAKEOFF})
+_REPORTED = _TAKEOFFS | {nav_states.LAND, nav_states.RETURN}
 """The modes whose end PX4 reports."""
-
-
-class Overrides(NamedTuple):
-    """A ConfigOverrides: what a mode or an executor changes while it is active."""
-
-    keeps_armed: bool = False
-    """Whether the vehicle stays armed after landing."""
-    defers: bool = False
-    defer_seconds: int = 0
-    keeps_home: bool = False
-    """Whether the home position stays at takeoff: from v1.18 on."""
 
 
 class Commander:
@@ -62,8 +53,8 @@ class Commander:
     ) -> None:
         self.rules = rules
         self.airframe = airframe
-        self.vtol_state = HOVERING if airframe.is_vtol else NO_VTOL
-        """That of VtolVehicleStatus, which a VTOL changes in flight."""
+        self.vtol_state = VtolState.HOVER if airframe.is_vtol else None
+        """Whether a VTOL hovers or flies by its wings, None for another vehicle."""
         self.components = Components()
         self.checks = Checks(rules)
         self.failsafe = Failsafe(round(parameters["COM_FAIL_ACT_T"] * 1e6))
@@ -100,14 +91,12 @@ class Commander:
         self._now = self._check_time = self._completion_time = 0
         self._resting: int | None = None
         """Since when the vehicle rests on the ground, as far as that disarms it."""
-        self._had_sticks = False
-        """Whether there were sticks when the vehicle was armed, or since then."""
-        self._battery_when_armed = 0
+        self._armed = WhileArmed(parameters)
 
     @property
     def vehicle_type(self) -> int:
         """That of VehicleStatus. A VTOL in a transition counts as a multicopter."""
-        return FIXED_WING if self.vtol_state == FORWARD else self.airframe.vehicle_type
+        return FIXED_WING if self.vtol_state is VtolState.FORWARD else self.airframe.vehicle_type
 
     @property
     def _in_charge(self) -> int:
@@ -164,11 +153,11 @@ class Commander:
     def _look(self) -> None:
         """Look at the requirements of all modes. The next step decides by what is missing now."""
         self._check_time, self.senses = self._now, self._sensed
-        self._had_sticks |= self.senses.manual_control
+        self._armed.had_sticks |= self.senses.manual_control
         modes = self.components.modes
         replaced = {mode: own.replaces for mode, own in modes.items() if own.replaces is not None}
         registered = {each.mode for each in self.checks.registered.values()} & modes.keys()
-        kind = FIXED_WING if self.vtol_state in TRANSITIONS else self.vehicle_type
+        kind = FIXED_WING if self.vtol_state and self.vtol_state.is_transition else self.vehicle_type
         self.requirements = Requirements(kind, registered, self.checks.verdicts(), replaced)
         self.is_ready = not self.missing
 
@@ -199,23 +188,9 @@ class Commander:
 
     def _triggers(self) -> Mapping[str, Trigger]:
         """Return the reasons for failsafes that are there now."""
-        senses, found = self.senses, {}
-        if self.is_armed and self._had_sticks and not senses.manual_control:
-            found["manual control"] = Trigger(Action.RETURN, stays=True)
-        if self.is_armed and senses.battery > self._battery_when_armed and self._battery_action(senses.battery):
-            found[f"battery {senses.battery}"] = Trigger(self._battery_action(senses.battery), stays=True)
-        action = failsafe.fallback(self._selected, can_run=self._runs, has_sticks=senses.manual_control)
-        if action:
-            found["mode"] = Trigger(action, waits=False)
-        return found
-
-    def _battery_action(self, warning: int) -> Action:
-        """Return what COM_LOW_BAT_ACT says: 0 warn, 1 return, 2 land, 3 return, and land in an emergency."""
-        setting = round(self._parameters["COM_LOW_BAT_ACT"])
-        if warning < 2 or setting == 0:  # noqa: PLR2004 - low
-            return Action.WARN
-        is_land = setting == 2 or (setting == 3 and warning > 2)  # noqa: PLR2004 - as above
-        return Action.LAND if is_land else Action.RETURN
+        action = failsafe.fallback(self._selected, can_run=self._runs, has_sticks=self.senses.manual_control)
+        found = {"mode": Trigger(action, waits=False)} if action else {}
+        return {**found, **self._armed.triggers(self._selected, self.senses)} if self.is_armed else found
 
     def _runs(self, mode: int) -> bool:
         """Whether a mode can run, as failsafes see it."""
@@ -228,7 +203,7 @@ class Commander:
             if self._now >= self._completion_time + _COMPLETED:
                 self._completion_time = self._now
                 self.completed.append(mode)
-            if mode == nav_states.TAKEOFF and self.executor_in_charge == AUTOPILOT:
+            if mode in _TAKEOFFS and self.executor_in_charge == AUTOPILOT:
                 self._select(nav_states.HOLD, by_executor=True)
         self._rest()
 
@@ -368,7 +343,7 @@ class Commander:
     def _select(self, mode: int, *, by_executor: bool = False) -> None:
         selected = self.components.replaced_by(mode)
         self._selected, self._is_new = selected, True
-        if not self.requirements.prevents_arming(selected) and selected != nav_states.TAKEOFF:
+        if not self.requirements.prevents_arming(selected) and selected not in _TAKEOFFS:
             self._mode_when_disarmed = selected
         self._take_charge(selected, by_executor=by_executor)
 
@@ -391,7 +366,7 @@ class Commander:
             return TEMPORARILY_REJECTED
         self.is_armed, self.armed_time, self.arming_reason = True, self._now, states.BY_COMMAND
         self.takeoff_time = 0
-        self._had_sticks, self._battery_when_armed = self.senses.manual_control, self.senses.battery
+        self._armed.begin(self.senses)
         return ACCEPTED
 
     def disarm(self, *, is_forced: bool = False) -> int:

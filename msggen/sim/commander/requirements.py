@@ -72,6 +72,8 @@ class Senses(NamedTuple):
     """The warning: 0 none, 1 low, 2 critical, 3 emergency."""
     has_fallen: bool = False
     """Whether the vehicle lies on its back or on a side, which PX4's failure detector sees."""
+    wings_failed: bool = False
+    """Whether a VTOL has given up forward flight: a quad-chute."""
     is_landed: bool = True
     is_done: bool = False
     """Whether PX4's own mode, such as a takeoff, has reached its end."""

@@ -13,4 +13,4 @@ BY_COMMAND: Final = 4
 BY_LANDING: Final = 6
 BY_INACTION: Final = 7
 BY_FAILURE: Final = 14
-"""Reasons of arming and disarming: COMMAND_EXTERNAL, LANDING, PREFLIGHT_INACTION, FAILURE_DETECTOR."""
+"""Reasons of arming and disarming: COMMAND_EXTERNAL, LANDING, PREFLIGHT_INACTION and FAILURE_DETECTOR."""
