@@ -95,19 +95,14 @@ class RoverLandDetector:
 
 
 class VtolLandDetector(LandDetector):
-    """That of a VTOL: by its rotors, or by its wings."""
+    """That of a VTOL: in forward flight, it has landed only if it is disarmed."""
 
     def __init__(self, flight: Wings, pilot: VtolPilot) -> None:
         super().__init__(flight, pilot)
-        self._state = pilot
-        self._plane = PlaneLandDetector(flight)
+        self._vtol = pilot
 
     def look(self, now: Now) -> None:
         """Move on to a time."""
-        if self._state.state is not VtolState.FORWARD:
-            super().look(now)
-            self._plane.landed = self.landed
-            return
-        self._plane.look(now)
-        self.ground_contact = False
-        self.maybe_landed = self.landed = self._plane.landed
+        super().look(now)
+        if self._vtol.state is VtolState.FORWARD and now.armed is not None:
+            self.maybe_landed = self.landed = False

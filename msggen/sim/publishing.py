@@ -16,6 +16,7 @@ _NEVER = 1 << 62
 """A time in us that does not come."""
 
 _INTERVALS = {
+    "airspeed_validated": 100_000,
     "estimator_status_flags": 1_008_000,
     "failsafe_flags": 540_000,
     "timesync_status": 1_000_000,

@@ -272,4 +272,4 @@ class VtolPilot:
         if flight.is_tailsitter:
             flight.nose = self._lean(time)
         turn = wing.course if is_forward else flight.yaw
-        return Target((NAN, NAN, down), (NAN, NAN, climb), (*pull, NAN), yaw=turn, turn=0.5)
+        return Target((NAN, NAN, down), (NAN, NAN, climb), (*pull, NAN), yaw=turn, turn=0.3)

@@ -36,6 +36,7 @@ STEP = 4_000
 _MOST_STEPS = 2_500
 """The number of steps after which the rest of a long pause is skipped: 10 s."""
 _IDLE_THRUST = 0.2
+_RANGE_HEIGHT, _RANGE_SPEED = 5.0, 1.0
 _LOSS, _GAIN = 5_200_000, 1_270_000
 """The time in us after which the position is lost without GPS, and known again with it."""
 
@@ -181,6 +182,14 @@ class World:
     def vtol_state(self) -> VtolState | None:
         """Whether a VTOL hovers or flies by its wings, None for another vehicle."""
         return self.autopilot.state if isinstance(self.autopilot, VtolPilot) else None
+
+    @property
+    def uses_range(self) -> bool:
+        """Whether the range finder tells the height: while the vehicle is slow and low, EKF2_RNG_A_VMAX and _HMAX."""
+        flight = self.flight
+        north, east, _ = flight.velocity
+        is_low = flight.ground - flight.position[2] < _RANGE_HEIGHT
+        return is_low and north * north + east * east < _RANGE_SPEED * _RANGE_SPEED
 
     @property
     def has_flown_by_wings(self) -> bool:

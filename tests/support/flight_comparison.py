@@ -21,6 +21,7 @@ _LATE = 20_000
 """The time that an answer takes."""
 _SLACK = 50_000
 """How near to a message of the capture one of our values may end and not be shown by it."""
+_ACK = "vehicle_command_ack"
 _IN_A_ROW = 150_000
 """ModeCompleted is sent each 50 ms: the time within which one belongs to those before it."""
 _OF_OTHERS = {420, 3000}
@@ -50,7 +51,8 @@ def different_answers(replay: Compared, far: int = FAR, others: Collection[int] 
 
     Those in a cut are left out, and those to the commands of `others`.
     """
-    ours = first_of_each_row(each for each in replay.answers if not _is_cut(each, replay.captured))
+    answers = (each for each in replay.answers if not (each.topic == _ACK and each.values[0] in others))
+    ours = first_of_each_row(each for each in answers if not _is_cut(each, replay.captured))
     theirs = first_of_each_row(answers_of(replay.captured.samples, others))
     _order(ours, theirs)
     found = [
@@ -92,7 +94,7 @@ def answers_of(samples: Iterable[Sample], others: Collection[int] = _OF_OTHERS) 
     """Yield the answers among samples, but not those to the commands of `others`."""
     for sample in samples:
         values = _ANSWERS[sample.topic](sample.message) if sample.topic in _ANSWERS else None
-        if values and not (sample.topic == "vehicle_command_ack" and sample.message.command in others):
+        if values and not (sample.topic == _ACK and sample.message.command in others):
             yield Answer(sample.time, sample.topic, values)
 
 
@@ -109,7 +111,7 @@ _ANSWERS: Mapping[str, Callable[[Any], Values | None]] = {
         *(one.source_type, one.source_id),
         *(one.disable_auto_disarm, one.defer_failsafes, one.defer_failsafes_timeout_s),
     ),
-    "vehicle_command_ack": lambda one: (one.command, one.result, one.target_component),
+    _ACK: lambda one: (one.command, one.result, one.target_component),
     "mode_completed": lambda one: None if one.nav_state in nav_states.EXTERNAL else (one.nav_state,),
 }
 """The values of each answer that are compared, None if it is not one of the commander."""

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+from msggen.messages.commands import VTOL_TRANSITION
 from msggen.sim import Options
 from msggen.sim.near import NearVehicle
 from msggen.sim.places import Home
@@ -34,6 +35,9 @@ _GROUND = 0.02
 """The altitude of the captured ground above mean sea level in m."""
 IN_CUTS: Mapping[str, Sequence[tuple[str, float]]] = {"fw-flight": [("fixed_wing_longitudinal_setpoint", 68.8)]}
 """What programs sent in a cut: the first setpoint of a topic again, from a time in s on."""
+EARLIER: Mapping[str, int] = {"vtol-ground": 20_000}
+"""How much earlier in us transitions are commanded: PX4's VTOL carries them out before its commander has carried out
+the command that came 12 ms before."""
 _REPLY = "arming_check_reply"
 ALL_SOURCES: Mapping[str, Source] = {
     **SOURCES,
@@ -103,7 +107,8 @@ class FlownCapture:
         told = {bare(topic) for topic in TOLD} - {_REPLY}
         for each in self.captured.samples:
             if each.topic in told:
-                yield each.time, each.topic, each.message
+                is_early = getattr(each.message, "command", 0) == VTOL_TRANSITION
+                yield each.time - is_early * EARLIER.get(self._name, 0), each.topic, each.message
         for sent in (*self.path.runs, *self._unseen()):
             message = self._messages[sent.topic].decode(bytes.fromhex(sent.data))
             for step in range(1 + int((sent.end - sent.begin) / _PERIOD)):

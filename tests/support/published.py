@@ -108,7 +108,7 @@ RATES: Mapping[str, str] = {
 _ACCURACY = "the accuracy of estimates is constant in sim"
 _MODES = "the one flew the mode of a program's executor, the other one Offboard mode"
 _BATTERY = "PX4's simulator of a battery estimates its model while it drains"
-_HEADING = "the magnetometer of sim is never doubted, nor is its range sensor"
+_HEADING = "the magnetometer of sim is never doubted"
 _GROUND = "the ground of sim is flat, and always known"
 _HOME = "home is exactly the origin in sim, and has no attitude"
 _NAVIGATOR = "sim has no navigator: the triplet is empty"
@@ -118,7 +118,6 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "control_status_changes": _HEADING,
         "cs_mag_hdg": _HEADING,
         "cs_mag_3d": _HEADING,
-        "cs_rng_hgt": _HEADING,
         "cs_mag_aligned_in_flight": _HEADING,
     },
     "failsafe_flags": {"offboard_control_signal_lost": _MODES},

@@ -32,8 +32,29 @@ _THINNED = 6.0
 
 _EDGE = 0.5
 """The time in s around takeoff and landing that is left out: two vehicles do not take off at the same moment."""
-FIELDS: Mapping[str, Mapping[str, Mapping[str, str]]] = {vehicle: {} for vehicle in FLIGHTS}
-"""The fields of each vehicle that have other values, and why."""
+_WIND = "sim knows the wind without error"
+_AGENT = "this flight of sim has no agent"
+_FLAT = "the ground of sim is flat, and its estimate of the height does not drift"
+_OF_WINGS = {
+    "timesync_status": {"remote_timestamp": _AGENT},
+    "wind": dict.fromkeys(("variance_north", "variance_east", "tas_innov", "tas_innov_var", "beta_innov"), _WIND),
+}
+FIELDS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
+    "plane": _OF_WINGS,
+    "vtol": {
+        **_OF_WINGS,
+        "vehicle_land_detected": {"rotational_movement": "a VTOL of sim tilts faster when it brakes"},
+    },
+    "rover": {
+        "estimator_status_flags": {"cs_gnd_effect": _FLAT, "cs_mag_heading_consistent": "no motor disturbs its field"},
+        "timesync_status": {"remote_timestamp": _AGENT},
+        "vehicle_global_position": {"alt": _FLAT, "alt_ellipsoid": _FLAT},
+        "vehicle_local_position": {"z_deriv": _FLAT, "dist_bottom": _FLAT, "dist_bottom_valid": _FLAT},
+    },
+}
+"""The fields of each vehicle that have other values, and why, beside those of a multicopter."""
+RATES: Mapping[str, Mapping[str, str]] = {"rover": {"estimator_status_flags": _FLAT}}
+"""The same of rates."""
 
 
 class Flying(NamedTuple):
