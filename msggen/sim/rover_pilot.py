@@ -50,6 +50,8 @@ class RoverPilot:
         """The speeds on the way to it, and there."""
         self._drive = Drive()
         self._held: Vector = (0.0, 0.0, 0.0)
+        self._next: Vector | None = None
+        """Where the next Hold is to be."""
         topics = dict.fromkeys(topic for kind in ROVER_KINDS for topic in kind.topics)
         takers = (
             self._take_position,
@@ -81,8 +83,8 @@ class RoverPilot:
     def hold_at(self, position: Vector, _yaw: float, _speed: float) -> None:
         """Drive to a place in the next Hold."""
         if all(map(math.isfinite, position[:2])):
-            self._held = position
-            self._mode = HOLD
+            self._next = position
+            self._mode = -1
 
     def begin_again(self) -> None:
         """Enter the mode anew, because the local position has another origin."""
@@ -92,7 +94,9 @@ class RoverPilot:
         """Begin a mode, if it is not the present one."""
         if mode != self._mode:
             self._mode = mode
-            self._held = self._flight.position
+            self._held = (mode == HOLD and self._next) or self._flight.position
+            if mode == HOLD:
+                self._next = None
 
     def is_done(self, *, is_landed: bool) -> bool:
         """Whether a landing or a return has reached its end."""
