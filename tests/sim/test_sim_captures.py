@@ -18,7 +18,7 @@ from support.captured_paths import farthest
 from support.flight_comparison import different_answers, different_values
 from support.flown_captures import ALL_SOURCES, FlownCapture
 from support.published_flights import FLIGHTS, Flying
-from support.repository import shared
+from support.repository import ROOT, shared
 
 REAL = published_flights.load()
 FAR: Mapping[str, int] = {"vtol-flight": 700_000}
@@ -38,42 +38,47 @@ class Phase(NamedTuple):
 
 
 PHASES: Mapping[tuple[str, str], Phase] = {
-    ("fw-flight", "takeoff"): Phase(11.0, 16.3, {"course": 3, "altitude": 5, "speed": 4}),
-    ("fw-flight", "hold"): Phase(27.2, 28.7, {"course": 10, "altitude": 3, "speed": 1}),
-    ("fw-flight", "no setpoint yet"): Phase(29.8, 34.7, {"course": 12, "altitude": 1, "speed": 1}),
-    ("fw-flight", "turn by course"): Phase(34.8, 38.0, {"course": 25, "speed": 2}),
+    ("fw-flight", "takeoff"): Phase(11.0, 16.3, {"course": 3, "altitude": 2, "speed": 2.5}),
+    ("fw-flight", "hold"): Phase(27.2, 28.7, {"course": 8, "altitude": 1, "speed": 1}),
+    ("fw-flight", "no setpoint yet"): Phase(29.8, 34.7, {"course": 5, "altitude": 1.5, "speed": 1}),
+    ("fw-flight", "turn by course"): Phase(34.8, 38.0, {"course": 15, "speed": 1}),
     ("fw-flight", "climb to an altitude"): Phase(38.0, 53.0, {"course": 4, "altitude": 5, "speed": 1}),
     ("fw-flight", "at the altitude"): Phase(54.5, 60.7, {"course": 3, "altitude": 4, "speed": 1}),
-    ("fw-flight", "lateral acceleration, height rate"): Phase(77.1, 78.7, {"roll": 6, "climb": 1}),
+    ("fw-flight", "lateral acceleration, height rate"): Phase(77.1, 78.7, {"roll": 3, "climb": 0.5}),
     ("fw-flight", "turn and descend"): Phase(79.0, 82.0, {"course": 40, "altitude": 5, "speed": 3}),
     ("fw-flight", "descend"): Phase(82.5, 86.7, {"course": 5, "altitude": 5, "speed": 2.5}),
-    ("fw-flight", "trajectory setpoints"): Phase(94.9, 100.7, {"course": 3, "altitude": 2, "speed": 1}),
+    ("fw-flight", "trajectory setpoints"): Phase(94.9, 100.7, {"course": 3, "altitude": 1, "speed": 0.5}),
     ("fw-flight", "turn at the altitude"): Phase(100.8, 108.7, {"course": 20, "altitude": 2, "speed": 1.5}),
     ("fw-flight", "setpoints in Hold"): Phase(108.8, 112.0, {"course": 5, "altitude": 2, "speed": 1}),
-    ("fw-flight", "turn back"): Phase(117.9, 120.7, {"course": 40, "altitude": 3, "speed": 1.5}),
-    ("fw-flight", "return"): Phase(122.5, 128.0, {"climb": 1.5, "speed": 1}),
+    ("fw-flight", "turn back"): Phase(117.9, 120.7, {"course": 8, "altitude": 2, "speed": 1.5}),
+    ("fw-flight", "return"): Phase(122.5, 128.0, {"climb": 1, "speed": 1.5}),
     ("vtol-flight", "takeoff"): Phase(11.1, 25.4, {"north": 1, "east": 1.5, "altitude": 3}),
     ("vtol-flight", "hover"): Phase(26.2, 30.1, {"north": 1, "east": 1, "altitude": 1}),
     ("vtol-flight", "to forward flight"): Phase(30.2, 32.4, {"speed": 1.5, "altitude": 1}),
-    ("vtol-flight", "turn by course"): Phase(33.3, 37.0, {"course": 10, "speed": 2, "altitude": 3}),
-    ("vtol-flight", "climb to an altitude"): Phase(37.0, 47.0, {"course": 4, "speed": 1, "altitude": 5}),
+    ("vtol-flight", "turn by course"): Phase(33.3, 37.0, {"course": 10, "speed": 2.2, "altitude": 3}),
+    ("vtol-flight", "climb to an altitude"): Phase(37.0, 47.0, {"course": 4, "speed": 1.2, "altitude": 4}),
     ("vtol-flight", "at the altitude"): Phase(48.0, 60.2, {"course": 4, "speed": 1, "altitude": 3}),
     ("vtol-flight", "without setpoints"): Phase(60.3, 66.2, {"course": 4, "speed": 1, "altitude": 2}),
-    ("vtol-flight", "to hovering"): Phase(66.3, 66.9, {"speed": 2, "altitude": 1.5}),
+    ("vtol-flight", "to hovering"): Phase(66.3, 66.9, {"speed": 1, "altitude": 1.5}),
     ("vtol-flight", "hover again"): Phase(68.2, 72.2, {"north": 1, "east": 1, "altitude": 1.5}),
     ("vtol-flight", "to forward flight again"): Phase(72.3, 75.0, {"speed": 1.5, "height": 1.5}),
     ("vtol-flight", "forward by the old course"): Phase(75.3, 80.3, {"course": 8, "speed": 1.5, "height": 2}),
-    ("rover-drive", "to a place"): Phase(9.8, 20.7, {"north": 2.5, "east": 1}),
+    ("rover-drive", "to a place"): Phase(9.8, 20.7, {"north": 1, "east": 0.5}),
     ("rover-drive", "speed and attitude"): Phase(22.2, 28.7, {"heading": 20, "speed": 0.6}),
     ("rover-drive", "without setpoints"): Phase(28.8, 32.7, {"heading": 3, "speed": 0.4}),
     ("rover-drive", "throttle beside the old speed"): Phase(32.9, 36.8, {"heading": 3, "speed": 0.4}),
     ("rover-drive", "throttle alone"): Phase(38.3, 40.8, {"heading": 3, "speed": 0.4}),
-    ("rover-drive", "speed and rate"): Phase(41.7, 45.8, {"heading": 25, "speed": 0.5}),
-    ("rover-drive", "trajectory setpoints"): Phase(46.0, 48.8, {"heading": 30, "speed": 0.6}),
-    ("rover-drive", "to another place"): Phase(49.4, 53.8, {"heading": 30, "speed": 0.6}),
+    ("rover-drive", "speed and rate"): Phase(41.7, 45.8, {"heading": 10, "speed": 0.5}),
+    ("rover-drive", "trajectory setpoints"): Phase(46.0, 48.8, {"heading": 15, "speed": 0.8}),
+    ("rover-drive", "to another place"): Phase(49.6, 53.8, {"heading": 12, "speed": 0.8}),
     ("rover-drive", "Land"): Phase(53.9, 55.8, {"heading": 5, "speed": 0.6}),
 }
-"""By the names of flights, and of their phases."""
+"""By the names of flights, and of their phases.
+
+Along a straight line, the simulated vehicle has to be near: what is left is drift, and gusts of the control loops. A turn,
+a transition and a stop go on for a second or two, in which a lag of a few tenths shows as up to 15 degrees or 1 m/s; a
+plane that turns and descends is 35 degrees off for a second, because the real one rolls back through level later.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -146,6 +151,12 @@ def test_fields_move_and_stand_still_as_those_of_the_real_vehicle(
     )
     assert {each: kinds for each, kinds in different.items() if each not in accepted | of_all} == {}
     assert accepted - different.keys() == set(), "no longer different"
+
+
+def test_the_page_compares_the_rates(own: Callable[[str], dict[str, Flying]]) -> None:
+    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8")
+    table = published_flights.table({vehicle: own(vehicle) for vehicle in FLIGHTS})
+    assert table in page, "stale: python -m support.published_flights, in the folder tests"
 
 
 @pytest.mark.night  # it can change with the files only

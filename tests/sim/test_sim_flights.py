@@ -28,9 +28,11 @@ from support.flight_comparison import (
     first_of_each_row,
     shown,
 )
-from support.flight_replay import PARAMETERS, OfExecutor, Replay, Silence, Told
+from support.flight_replay import PARAMETERS, OfExecutor, Replay, Silence, Told, vehicle_of
 from support.repository import shared
 
+OTHERS = [name for name in flight_captures.names() if vehicle_of(name) != "multicopter"]
+MULTICOPTERS = [name for name in flight_captures.names() if name not in OTHERS]
 PYTHON = Registration("Python", check=True, mode=True, executor=True)
 
 TOLD_IN_CUTS: Mapping[str, Sequence[Told]] = {
@@ -76,11 +78,21 @@ def replayed(name: str, package: Any, changes: Mapping[str, float] = {}, rules: 
     return replay
 
 
-@by_day("name", flight_captures.names(), 2)
-def test_the_commander_does_what_px4_did(name: str, px4_types: Any) -> None:
-    replay = replayed(name, px4_types)
+def check(name: str, package: Any) -> None:
+    replay = replayed(name, package)
     assert different_answers(replay) == []
     assert different_values(replay) == []
+
+
+@by_day("name", MULTICOPTERS, 2)
+def test_the_commander_does_what_px4_did(name: str, px4_types: Any) -> None:
+    check(name, px4_types)
+
+
+@pytest.mark.night  # by day, whole vehicles fly these: test_sim_captures.py
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_commander_of_another_vehicle_does_what_px4_did(name: str, px4_types: Any) -> None:
+    check(name, px4_types)
 
 
 def test_every_flight_is_there_and_much_of_it_is_compared(px4_types: Any) -> None:

@@ -152,11 +152,14 @@ def table(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> str:
     """Return the comparison of rates for people, as Markdown."""
     head = ["| topic | PX4 at rest | PX4 in flight | sim at rest | sim in flight |", "|---|---|---|---|---|"]
     names = [name for name, topic in real.items() if topic.how != "silent"]
-    rows = [f"| {name} | {' | '.join(_shown(each) for each in (*real[name][:2], *own[name][:2]))} |" for name in names]
+    rows = [
+        f"| {name} | {' | '.join(shown_rate(each) for each in (*real[name][:2], *own[name][:2]))} |" for name in names
+    ]
     return "\n".join([*head, *rows, ""])
 
 
-def _shown(rate: float) -> str:
+def shown_rate(rate: float) -> str:
+    """Return a rate for people."""
     return f"{rate:.1f}" if rate >= ON_CHANGE else "-"
 
 
@@ -220,19 +223,20 @@ def different_fields(
                 yield name, field, kind, own[name].fields[field]
 
 
-def _write_page(package: Any) -> None:
-    """Write the table of the page on simulated vehicles."""
-    path = ROOT / "docs" / "sim.md"
-    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    path.write_text(before + begin + table(load(), simulated(package, Options())) + end + after, encoding="utf-8")
-
-
-BEGIN = "<!-- tests/support/published.py writes what follows -->\n"
+BEGIN = "<!-- tests/support/{}.py writes what follows -->\n"
 END = "<!-- the end of what it writes -->\n"
+
+
+def write_table(module: str, text: str) -> None:
+    """Write the table of a module into the page on simulated vehicles."""
+    path = ROOT / "docs" / "sim.md"
+    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN.format(module))
+    _, end, after = rest.partition(END)
+    path.write_text(before + begin + text + end + after, encoding="utf-8")
+
 
 if __name__ == "__main__":
     types = import_module("px4_types")
     if sys.argv[1:]:
         PATH.write_text(text_of(captured(Path(sys.argv[1]), types)))
-    _write_page(types)
+    write_table("published", table(load(), simulated(types, Options())))

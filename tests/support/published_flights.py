@@ -1,8 +1,8 @@
 """How captured planes, VTOLs and rovers of PX4 v1.18 publish their topics, and simulated ones in the same flights.
 
 The captures lack most samples of fast topics, except in short parts of two flights: rates are taken from there. In the
-folder tests, `python -m support.published_flights FOLDER` takes the facts from the whole captures, and writes them to
-tests/sim/published_flights.json.
+folder tests, `python -m support.published_flights` writes the table in docs/sim.md. With a folder of whole captures, it
+first writes their facts to tests/sim/published_flights.json.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from support import flight_captures
 from support.captured_paths import CAPTURES
 from support.flight_captures import Captured
 from support.flown_captures import FlownCapture
-from support.published import ON_CHANGE, Timed, fields_of
+from support.published import ON_CHANGE, Timed, fields_of, shown_rate, write_table
 from support.repository import ROOT
 
 PATH = ROOT / "tests" / "sim" / "published_flights.json"
@@ -179,5 +179,36 @@ def text_of(found: Mapping[str, Mapping[str, Flying]]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
+def table(own: Mapping[str, Mapping[str, Flying]]) -> str:
+    """Return the comparison of rates for people, as Markdown."""
+    real = load()
+    head = " | ".join(f"{vehicle}: PX4 | sim" for vehicle in real)
+    names = [name for name in real["vtol"] if any(each[name].how != "silent" for each in real.values())]
+    rows = []
+    for name in names:
+        pairs = ((each[name], own[vehicle][name]) for vehicle, each in real.items())
+        rows.append(f"| {' | '.join([name, *(_shown(one) for pair in pairs for one in pair)])} |")
+    return "\n".join([f"| topic | {head} |", "|---" * (1 + 2 * len(real)) + "|", *rows, ""])
+
+
+def _shown(one: Flying) -> str:
+    if one.how == "silent":
+        return ""
+    return f"over {_THINNED:.0f}" if one.rate is None else shown_rate(one.rate)
+
+
+def fly(package: Any) -> dict[str, dict[str, Flying]]:
+    """Fly the capture of each vehicle, and return how it publishes its topics."""
+    found = {}
+    for vehicle, name in FLIGHTS.items():
+        flown = FlownCapture(package, name)
+        flown.run()
+        found[vehicle] = simulated(package, vehicle, flown)
+    return found
+
+
 if __name__ == "__main__":
-    PATH.write_text(text_of(captured(import_module("px4_types"), Path(sys.argv[1]))))
+    types = import_module("px4_types")
+    if sys.argv[1:]:
+        PATH.write_text(text_of(captured(types, Path(sys.argv[1]))))
+    write_table("published_flights", table(fly(types)))
