@@ -75,7 +75,7 @@ PHASES: Mapping[tuple[str, str], Phase] = {
 }
 """By the names of flights, and of their phases.
 
-Along a straight line, the simulated vehicle has to be near: what is left is drift, and gusts of the control loops. A turn,
+Along a straight line, the simulated vehicle has to be near: what is left is drift. A turn,
 a transition and a stop go on for a second or two, in which a lag of a few tenths shows as up to 15 degrees or 1 m/s; a
 plane that turns and descends is 35 degrees off for a second, because the real one rolls back through level later.
 """
