@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from types import ModuleType
-from typing import Any, Protocol
+from types import MappingProxyType, ModuleType
+from typing import Any, Final, Protocol
 
 from msggen.flight.errors import UnsupportedError
 
@@ -71,9 +71,14 @@ class Topics:
 
 def _since(topic: str) -> str:
     """Return which release first has a topic, if that is later than v1.14."""
-    if topic in {"home_position", "vehicle_land_detected"}:
-        return "PX4 v1.16 and later have it there"
-    return "Flight modes need PX4 v1.15 or later"
+    since = _SINCE.get(topic)
+    return f"PX4 {since} and later have it there" if since else "Flight modes need PX4 v1.15 or later"
+
+
+_SINCE: Final = MappingProxyType(
+    {**dict.fromkeys(("home_position", "vehicle_land_detected", "vtol_vehicle_status"), "v1.16"), "wind": "v1.17"}
+)
+"""The first release that has a topic, if that is later than modes."""
 
 
 def filled(cls: Any, **values: Any) -> Any:

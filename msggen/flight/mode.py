@@ -9,7 +9,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Any, ClassVar, Protocol
 
 from msggen.flight import usage
-from msggen.flight.checks import Problem
+from msggen.flight.answering import Answering
 from msggen.flight.connection import filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
 from msggen.flight.feeds import ANY_MODE, Feeds
@@ -19,7 +19,7 @@ from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.requirements import Requirement, named
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
-from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
+from msggen.flight.telemetry import Telemetry, is_estimate, is_landed, no_estimate, valid_estimate
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
@@ -41,6 +41,10 @@ class Registered(Protocol):
     feeds: Feeds
     overrides: Overrides
 
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle."""
+
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on."""
 
@@ -51,13 +55,12 @@ class Registered(Protocol):
         """Hold the place where the vehicle is."""
 
 
-class Mode(Steered):
+class Mode(Answering, Steered):
     """A flight mode. A subclass sets the name, and defines the method `fly`.
 
     Pilots see `name`. PX4 keeps a slot for each name, so that a switch on a transmitter always selects the same mode.
     """
 
-    name: ClassVar[str]
     requires: ClassVar[Requirement] = Requirement.NONE
     """The requirements of the mode, besides those of its setpoints."""
     setpoints: ClassVar[tuple[Kind, ...]] = (GOTO, TRAJECTORY)
@@ -78,10 +81,6 @@ class Mode(Steered):
     """What PX4 leaves unchanged while the mode is active."""
     _active: Registered | None = None
 
-    def __init_subclass__(cls, name: str = "", **options: Any) -> None:
-        super().__init_subclass__(**options)
-        cls.name = name or cls.__dict__.get("name") or cls.__name__
-
     async def fly(self) -> None:
         """Fly, once the mode is selected and the vehicle is armed. `fly` is cancelled when the mode is left.
 
@@ -91,14 +90,12 @@ class Mode(Steered):
         """
         raise NotImplementedError
 
-    def problems(self) -> Sequence[Problem]:
-        """Return the unmet conditions of the mode. It is called several times a second, and must return at once.
-
-        While there are any, PX4 does not enter the mode, or leaves it.
-        """
-        return ()
-
     # Where the vehicle is
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The telemetry of the vehicle, such as `await self.telemetry.sticks()`. Its places are in NED."""
+        return Telemetry(self._own.feeds)
 
     async def position(self) -> Vector:
         """Return the place of the vehicle in m, relative to the origin of its local frame. Raises NoAnswerError."""
@@ -219,9 +216,9 @@ class Mode(Steered):
         return self._own.overrides.deferring(seconds)
 
     @property
-    def is_registered(self) -> bool:
-        """Whether a flight has registered it."""
-        return self._active is not None
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle: it is selected, and the vehicle is armed."""
+        return self._active is not None and self._active.is_active
 
     @property
     def _own(self) -> Registered:

@@ -25,6 +25,7 @@ LOCAL: Final = (
 BY_NAME: Final = "expected keywords, such as `{0}(velocity=(1.0, 0.0, 0.0))`"
 RATES: Final = "expected keywords: `{0}(roll=0.0, pitch=0.0, yaw=0.1, thrust=0.5)`, in rad/s and from 0 to 1"
 ATTITUDE: Final = "expected `{0}((1.0, 0.0, 0.0, 0.0), thrust=0.5)`: a quaternion w, x, y, z, and from 0 to 1"
+MEASURED: Final = "expected keywords, such as `{0}(position=(1.0, 0.0, -2.0), variance=0.01, frame='ned')`"
 LIMITS: Final = "expected keywords: `{0}(height=20.0, distance=50.0)`, in m"
 
 ARGUMENTS: Final[Mapping[str, str]] = MappingProxyType(

@@ -168,7 +168,12 @@ class WingPilot:
             return self._wing
         if "attitude" in controls:
             return self._posed(self._setpoints.of_attitude(self._since))
-        return self._posed(self._setpoints.of_rates(self._since) if "rates" in controls else None)
+        if "rates" in controls:
+            return self._posed(self._setpoints.of_rates(self._since))
+        if "allocation" in controls:
+            return self._posed(self._setpoints.of_torque(self._since))
+        found = self._setpoints.actuators(self._since)
+        return self._posed(None if found is None else Push(0.0, forward=max(0.0, found[0][0])))
 
     def _posed(self, push: Push | None) -> Wing:
         """Return a setpoint of attitude or rates. Without one, the last stays."""

@@ -77,6 +77,30 @@ class Rates(NamedTuple):
     thrust_body: Vector = (0.0, 0.0, -0.5)
 
 
+class Thrust(NamedTuple):
+    """A VehicleThrustSetpoint."""
+
+    xyz: Vector = (0.0, 0.0, -0.5)
+
+
+class Torque(NamedTuple):
+    """A VehicleTorqueSetpoint."""
+
+    xyz: Vector = ZERO
+
+
+class Motors(NamedTuple):
+    """An ActuatorMotors."""
+
+    control: tuple[float, ...]
+
+
+class Servos(NamedTuple):
+    """An ActuatorServos."""
+
+    control: tuple[float, ...]
+
+
 class Lateral(NamedTuple):
     """A FixedWingLateralSetpoint."""
 
@@ -316,6 +340,10 @@ class Program(Pilot):
             Setpoint: setpoints.take_trajectory,
             Attitude: setpoints.take_attitude,
             Rates: setpoints.take_rates,
+            Thrust: setpoints.take_thrust,
+            Torque: setpoints.take_torque,
+            Motors: setpoints.take_motors,
+            Servos: setpoints.take_servos,
         }[type(message)]
         return lambda time: take(message, time)
 
