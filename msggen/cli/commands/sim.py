@@ -296,13 +296,13 @@ def endpoint_topics(package: ModuleType) -> Mapping[str, Any]:
 @contextmanager
 def new_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) -> Iterator[UlogWriter]:
     """Create the file, and close it at the end. Raises an InputError, also if it cannot be written further."""
+    from msggen.sim import Options
     from msggen.sim.alone import BOOT
-    from msggen.sim.parameters import PARAMETERS
     from msggen.sim.ulog import UlogError, UlogWriter, Vehicle
 
-    path = options.log
+    path, followed = options.log, Options(vehicle=options.vehicle, parameters=dict(options.param)).followed
     try:
-        log = UlogWriter(path, BOOT, topics, {**PARAMETERS, **dict(options.param)}, Vehicle(options.key, label))
+        log = UlogWriter(path, BOOT, topics, followed, Vehicle(options.key, label))
     except FileExistsError:
         check_free(path)
         raise
