@@ -25,14 +25,31 @@ from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
-from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
+from msggen.messages.setpoints import (
+    ACTUATORS,
+    ATTITUDE,
+    FIXED_WING,
+    GOTO,
+    RATES,
+    ROVER,
+    ROVER_POSITION,
+    ROVER_THROTTLE,
+    THRUST_TORQUE,
+    TRAJECTORY,
+)
 
 __all__ = [
+    "ACTUATORS",
     "ATTITUDE",
+    "FIXED_WING",
     "GLOBAL_POSITION",
     "GOTO",
     "LOCAL_POSITION",
     "RATES",
+    "ROVER",
+    "ROVER_POSITION",
+    "ROVER_THROTTLE",
+    "THRUST_TORQUE",
     "TRAJECTORY",
     "BlockingFlight",
     "Deferral",

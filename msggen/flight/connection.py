@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from types import ModuleType
-from typing import Any, Protocol
+from types import MappingProxyType, ModuleType
+from typing import Any, Final, Protocol
 
 from msggen.flight.errors import UnsupportedError
+from msggen.messages.setpoints import SENT, Kind
 
 Take = Callable[[Any], None]
 """Takes a message."""
@@ -71,9 +72,15 @@ class Topics:
 
 def _since(topic: str) -> str:
     """Return which release first has a topic, if that is later than v1.14."""
-    if topic in {"home_position", "vehicle_land_detected"}:
-        return "PX4 v1.16 and later have it there"
-    return "Flight modes need PX4 v1.15 or later"
+    since = _SINCE.get(topic)
+    return f"PX4 {since} and later have it there" if since else "Flight modes need PX4 v1.15 or later"
+
+
+_OF_SETPOINTS: Final = {topic: kind.since for kind in SENT for topic in kind.topics if kind.since != Kind("", 0).since}
+_SINCE: Final = MappingProxyType(
+    {**dict.fromkeys(("home_position", "vehicle_land_detected", "vtol_vehicle_status"), "v1.16"), **_OF_SETPOINTS}
+)
+"""The first release that has a topic, if that is later than modes."""
 
 
 def filled(cls: Any, **values: Any) -> Any:

@@ -18,6 +18,7 @@ from msggen.flight.declared import check_executor, check_mode
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
+from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
 from msggen.flight.link import LinkConnection, Need
 from msggen.flight.memory import Memory
@@ -57,7 +58,7 @@ NEEDED: Final = (
     *_ALWAYS,
     *_CONFIGURATION,
     _OF_EXECUTORS,
-    *(Need("in", kind.topic) for kind in SENT),
+    *(Need("in", topic) for kind in SENT for topic in kind.topics),
 )
 """All topics that modes and executors can need."""
 
@@ -86,7 +87,7 @@ def _needs_of(connection: Connection, parts: list[Part]) -> Iterator[Need]:
     topics = Topics(connection.package)
     yield from _ALWAYS
     yield from (each for each in _CONFIGURATION if topics.has(*each))
-    for topic in {kind.topic for part in parts for kind in part.mode.setpoints}:
+    for topic in {topic for part in parts for kind in part.mode.setpoints for topic in kind.topics}:
         yield Need("in", topic)
     if any(part.executor is not None for part in parts):
         yield _OF_EXECUTORS
@@ -144,6 +145,9 @@ class Parts:
         self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
         self._registrar.request(part.wanted)
         topics = Topics(self.connection.package)
+        check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
+        for topic in (topic for kind in mode.setpoints for topic in kind.topics):
+            topics.incoming(topic)
         for each in (mode, executor):
             if each is not None:
                 check_overrides(topics, each.keeps)
@@ -280,7 +284,8 @@ class Parts:
         return self._answers, self._restarts
 
     def _begin(self, part: Part, ids: Ids, *, is_resumed: bool) -> ActiveMode:
-        active = ActiveMode(part.mode, ids, self.connection, self._feeds, self._fence)
+        own = Actions(self._commands, self._feeds, self._fence, self.replacements)
+        active = ActiveMode(part.mode, ids, self.connection, self._feeds, self._fence, own)
         part.mode.is_resumed = is_resumed
         self._modes[type(part.mode)] = active
         if part.mode.replaces is not None:
