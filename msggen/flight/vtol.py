@@ -55,7 +55,7 @@ async def change(sender: Commands, feeds: Feeds, *, is_forward: bool, seconds: f
     end = status.call(follow)  # a short transition can be over before the acknowledgement
     try:
         state = commands.FORWARD if is_forward else commands.HOVERING
-        await sender.send(commands.TRANSITION, float(state), 0.0, what=f"change to {name}", shown=is_in_transition)
+        await sender.send(commands.VTOL_TRANSITION, float(state), 0.0, what=f"change to {name}", shown=is_in_transition)
         found = await status.wait(is_over, seconds)
     except TimeoutError:
         raise NotReachedError(f"the vehicle has not changed to {name} within {seconds:g} s") from None

@@ -18,6 +18,7 @@ OFFBOARD: Final = 14
 STABILIZED: Final = 15
 TAKEOFF: Final = 17
 LAND: Final = 18
+VTOL_TAKEOFF: Final = 22
 EXTERNAL: Final = range(23, 31)
 """EXTERNAL1 to EXTERNAL8, which programs register."""
 DISARMED: Final = 1
@@ -45,7 +46,7 @@ _MODES: Final[Mapping[int, tuple[str, str]]] = MappingProxyType(
         19: ("AUTO_FOLLOW_TARGET", "Follow me"),
         20: ("AUTO_PRECLAND", "Precision land"),
         21: ("ORBIT", "Orbit"),
-        22: ("AUTO_VTOL_TAKEOFF", "VTOL takeoff"),
+        VTOL_TAKEOFF: ("AUTO_VTOL_TAKEOFF", "VTOL takeoff"),
         **{mode: (f"EXTERNAL{index}", f"External {index}") for index, mode in enumerate(EXTERNAL, 1)},
     }
 )

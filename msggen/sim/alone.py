@@ -47,7 +47,7 @@ class LoneFlight:
         self._noise = noise_with(options.disturbances, options.seed, options.key)
         topics = import_module(f"{package.__name__}.topics")
         endpoints = [each for each in topics.ENDPOINTS if each.direction == "out"]
-        publications = [publication_of(each, rate=options.rate, parts=options.parts) for each in endpoints]
+        publications = [publication_of(each, rate=options.rate, parts=options.equipment) for each in endpoints]
         fillers = {name: Filler(topics.UORB[name].message) for name in (*INSIDE, *_INPUTS) if name in topics.UORB}
         publications += [
             Publication(name, "", 0, interval, fillers[name]) for name, interval in INSIDE.items() if name in fillers

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TypeAlias
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
 
 from msggen.messages.nav_states import (
     ALTITUDE,
@@ -19,6 +19,7 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
+from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.sim.attitude import Vector
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import DRAG, GRAVITY, NAN, VELOCITY_GAIN, Flight, Push, Target
@@ -86,7 +87,8 @@ _REACHED = PARAMETERS["NAV_MC_ALT_RAD"]
 _HOME_REACHED = 0.5
 _CYCLE = 20_240
 """The time between two setpoints of PX4's own modes: near 20 ms, but not that of programs, which beat with it."""
-_POSITION = frozenset({"altitude", "climb_rate", "velocity", "position"})
+POSITION = frozenset({"altitude", "climb_rate", "velocity", "position"})
+"""What position control controls, or the guidance of a fixed-wing aircraft."""
 _WITHOUT_POSITION_CONTROL = frozenset({MANUAL, STABILIZED, TERMINATION})
 _HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
 """The modes that a pilot can fly without a position. The sticks are at rest."""
@@ -95,7 +97,12 @@ _HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
 class Autopilot:
     """Flies the mode of the commander. `setpoints` are those that programs have sent."""
 
+    vehicle_type = ROTARY_WING
+    origin = 0.0
+
     def __init__(self, flight: Flight, setpoints: Setpoints, parameters: Mapping[str, float] = PARAMETERS) -> None:
+        self.handlers: Mapping[str, Callable[[Any, int], None]] = {}
+        """Those of setpoints that only other vehicles take."""
         self.home: Vector = (0.0, 0.0, 0.0)
         """Where a return ends."""
         self.has_position = True
@@ -136,6 +143,10 @@ class Autopilot:
     def begin_again(self) -> None:
         """Enter the mode anew, because the local position has another origin."""
         self._mode = -1
+
+    def restart(self, time: int) -> None:
+        """Let position control begin at a time: it uses no setpoint from before, and holds the place until the next."""
+        self._since, self.is_led, self._hold = time, False, self._stop()
 
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
@@ -200,8 +211,15 @@ class Autopilot:
             return self._blind(keeps_height=mode in _HEIGHT)
         return self._interrupted(time, self._own(mode))
 
-    def lift_off(self, time: int, armed: int, target: Setpoint, *, is_landed: bool) -> float:
+    def rest(self) -> None:
+        """Stop the motors."""
+        self.lift.reset()
+
+    def lift_off(self, time: int, armed: int, target: Setpoint | None, *, is_landed: bool) -> float:
         """Return the limit of the climb at a time, which keeps the vehicle on the ground until a takeoff."""
+        if target is None:
+            self.lift.reset()
+            return -math.inf
         is_wanted = self._mode == TAKEOFF
         if self._mode == OFFBOARD and isinstance(target, Target):
             heights = (target.position[2] - self._flight.position[2], target.velocity[2], target.acceleration[2])
@@ -211,7 +229,7 @@ class Autopilot:
 
     def _program(self, time: int, controls: Controls) -> Setpoint:
         """Return the setpoint of the mode of a program."""
-        controls_position = not _POSITION.isdisjoint(controls)
+        controls_position = not POSITION.isdisjoint(controls)
         if controls_position != self.controls_position:
             self.controls_position, self._since = controls_position, time
         if controls_position:

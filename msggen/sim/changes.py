@@ -15,6 +15,7 @@ _TOPICS = (
     "home_position",
     "position_setpoint_triplet",
     "manual_control_setpoint",
+    "vtol_vehicle_status",
 )
 _FLAGS = 13
 """The number of `Senses` that FailsafeFlags tells."""
@@ -38,17 +39,19 @@ def _states(world: World) -> Sequence[object]:
     """Return what PX4 publishes each of the topics for, when it changes."""
     commander, landing = world.commander, world.landing
     failsafe = commander.failsafe
+    state = world.vtol_state
     mode, is_armed, landed = commander.mode, commander.is_armed, landing.landed
     return (
         (
             *(is_armed, mode, commander.intention, commander.executor_in_charge),
-            *(failsafe.is_active, failsafe.defer_state, commander.is_ready),
+            *(failsafe.is_active, failsafe.defer_state, commander.is_ready, state),
         ),
-        (is_armed, mode, commander.controls),
+        (is_armed, mode, commander.controls, commander.vehicle_type),
         (commander.senses[:_FLAGS], commander.requirements.masks),
         (landing.ground_contact, landing.maybe_landed, landed),
-        (landed, world.has_position),
+        (landed, world.has_position, state, commander.vehicle_type),
         (world.has_home, world.home_changes, world.origin),
         (mode, landed),
         world.has_sticks,
+        (state, world.senses.wings_failed),
     )

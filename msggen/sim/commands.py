@@ -22,11 +22,14 @@ from msggen.messages.commands import (
     TAKEOFF,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
+    VTOL_TAKEOFF,
+    VTOL_TRANSITION,
 )
 from msggen.messages.refusals import MEANINGS
-from msggen.sim.autopilot import Autopilot
 from msggen.sim.commander.commander import Commander
+from msggen.sim.models import Landing, Pilot
 from msggen.sim.places import Home
+from msggen.sim.vtol_pilot import State, VtolPilot
 
 _MAIN_MODES: Mapping[int, int] = {
     1: nav_states.MANUAL,
@@ -49,6 +52,8 @@ _CUSTOM_MODE = 1
 """The bit of parameter 1 of DO_SET_MODE that says that parameter 2 counts."""
 _CHANGE_MODE = 1
 """The bit of parameter 2 of DO_REPOSITION that PX4 wants, and no other."""
+_TRANSITIONS = {3.0: State.HOVER, 4.0: State.FORWARD}
+"""What parameter 1 of DO_VTOL_TRANSITION asks for. PX4 takes another number as the first."""
 _FORCE = 21196
 """Parameter 2 of COMPONENT_ARM_DISARM that overrides the checks."""
 SIMULATED = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), nav_states.DESCEND, nav_states.TERMINATION})
@@ -59,7 +64,9 @@ class Vehicle(Protocol):
     """What commands act on: `World`."""
 
     commander: Commander
-    autopilot: Autopilot
+    autopilot: Pilot
+    landing: Landing
+    time: int
     origin: Home
     has_position: bool
     reason: str
@@ -129,6 +136,31 @@ class Order:
             world.autopilot.climb_to(world.origin.altitude - altitude if math.isfinite(altitude) else math.nan)
         return result
 
+    def take_off_forward(self) -> int:
+        """NAV_VTOL_TAKEOFF: climb by rotors, and go to forward flight."""
+        if not isinstance(self._world.autopilot, VtolPilot):
+            return self.refuse(UNSUPPORTED, "the vehicle is no VTOL")
+        altitude = self._parameters[6]
+        result = self.select(nav_states.VTOL_TAKEOFF)
+        if result == ACCEPTED:
+            origin = self._world.origin.altitude
+            self._world.autopilot.climb_to(origin - altitude if math.isfinite(altitude) else math.nan)
+        return result
+
+    def transition(self) -> int:
+        """DO_VTOL_TRANSITION, which a VTOL hears and others do not: it has no other answer than that it is heard."""
+        world, pilot = self._world, self._world.autopilot
+        if not isinstance(pilot, VtolPilot):
+            return self.refuse(UNSUPPORTED, "the vehicle is no VTOL")
+        to, is_at_once = _TRANSITIONS.get(self._parameters[0], State.HOVER), self._parameters[1] == 1.0
+        is_grounded = world.landing.landed or not world.commander.is_armed
+        result = pilot.transition(to, world.time, is_at_once=is_at_once, is_grounded=is_grounded)
+        return (
+            result
+            if result == ACCEPTED
+            else self.refuse(result, f"not in {nav_states.MODE_NAMES[world.commander.mode]}")
+        )
+
     def reposition(self) -> int:
         """DO_REPOSITION: hold at a place. What is not finite stays as it is."""
         speed, flags, _, yaw, latitude, longitude, altitude = self._parameters
@@ -176,6 +208,8 @@ _ACTIONS: Mapping[int, Callable[[Order], int]] = {
     SET_MODE: Order.set_mode,
     SET_NAV_STATE: Order.set_nav_state,
     TAKEOFF: Order.take_off,
+    VTOL_TAKEOFF: Order.take_off_forward,
+    VTOL_TRANSITION: Order.transition,
     LAND: lambda order: order.select(nav_states.LAND),
     RETURN: lambda order: order.select(nav_states.RETURN),
     REPOSITION: Order.reposition,

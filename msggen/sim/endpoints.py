@@ -50,7 +50,7 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
         else:
             writers.append(Writer(number, f"rt{name}", endpoint.dds_type))
             publications.append(
-                publication_of(endpoint, name=name, number=number, rate=options.rate, parts=options.parts)
+                publication_of(endpoint, name=name, number=number, rate=options.rate, parts=options.equipment)
             )
     servers = _servers(getattr(package, "srv", None), namespace)
     settings = Settings(readers, writers, servers, key=options.key, namespace=options.namespace, sync=options.sync)

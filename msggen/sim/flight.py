@@ -76,6 +76,8 @@ class Push(NamedTuple):
     thrust: float
     attitude: Quaternion | None = None
     rates: Vector = ZERO
+    forward: float = 0.0
+    """The thrust of a fixed-wing aircraft, from 0 to 1."""
 
 
 class Flight:

@@ -39,7 +39,7 @@ class NearVehicle:
         self._noise = noise_with(options.disturbances, options.seed, options.key)
         topics = import_module(f"{package.__name__}.topics")
         endpoints = [each for each in topics.ENDPOINTS if each.direction == "out"]
-        out = [publication_of(each, rate=options.rate, parts=options.parts) for each in endpoints]
+        out = [publication_of(each, rate=options.rate, parts=options.equipment) for each in endpoints]
         self._fillers: dict[str, Filler] = {each.topic: each.filler for each in out}
         self._inputs = {each.uorb_topic for each in topics.ENDPOINTS if each.direction == "in"}
         self._takers: dict[str, list[Take]] = defaultdict(list)

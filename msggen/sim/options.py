@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 from msggen.link.xrce.client_entities import Sync
+from msggen.sim.airframes import airframe_of
 from msggen.sim.line import Misbehaviour
 from msggen.sim.world import Home
 
@@ -39,3 +40,8 @@ class Options(NamedTuple):
     """The parts that the vehicle has, such as "gimbal": those of `PARTS` in msggen.sim.parts."""
     disturbances: Sequence[str] = ()
     """What makes flying hard, such as "wind": those of `DISTURBANCES` in msggen.sim.disturbances."""
+
+    @property
+    def equipment(self) -> frozenset[str]:
+        """All parts of the vehicle. Raises ValueError for an unknown kind of vehicle."""
+        return frozenset((*airframe_of(self.vehicle).parts, *self.parts))

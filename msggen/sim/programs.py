@@ -9,8 +9,8 @@ from typing import Any, Final, Protocol
 from msggen.messages.commands import OF_EXECUTOR
 from msggen.messages.nav_states import EXTERNAL
 from msggen.sim.commander.checks import Reply
-from msggen.sim.commander.commander import LOOP, Overrides
-from msggen.sim.commander.components import Registration
+from msggen.sim.commander.commander import LOOP
+from msggen.sim.commander.components import Overrides, Registration
 from msggen.sim.commander.rules import V1_15, V1_15_SITL, V1_16, V1_17, V1_18, Rules
 from msggen.sim.commander.setpoint_types import ALL
 from msggen.sim.publishing import queue_length
@@ -65,6 +65,7 @@ class Programs:
         self.handlers: Mapping[str, Callable[[Any, int], None]] = {
             **{topic: self._queue(topic) for topic in self._read},
             **world.setpoints.handlers,
+            **world.autopilot.handlers,
             "mode_completed": self._take_completed,
         }
         """Each takes a message and its time in us since boot."""

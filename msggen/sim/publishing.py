@@ -24,7 +24,7 @@ _INTERVALS = {
     "vehicle_gps_position": 125_000,
     "vehicle_land_detected": 1_000_000,
     "vehicle_status": 504_000,
-    "vtol_vehicle_status": 100_000,
+    "vtol_vehicle_status": 1_000_000,
 }
 """The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge, as measured
 with v1.18 and its simulated multicopter."""

@@ -124,13 +124,14 @@ class Setpoints:
         size = math.hypot(w, x, y, z)
         thrust = message.thrust_body[2]
         if size > 0 and math.isfinite(size) and math.isfinite(thrust):
-            self._attitude = time, Push(_in_hover(thrust), (w / size, x / size, y / size, z / size))
+            attitude = w / size, x / size, y / size, z / size
+            self._attitude = time, Push(_in_hover(thrust), attitude, forward=_forward(message))
 
     def take_rates(self, message: Any, time: int) -> None:
         """Take a VehicleRatesSetpoint with its time. One that is not finite is ignored."""
         rates, thrust = (message.roll, message.pitch, message.yaw), message.thrust_body[2]
         if all(map(math.isfinite, (*rates, thrust))):
-            self._rates = time, Push(_in_hover(thrust), rates=rates)
+            self._rates = time, Push(_in_hover(thrust), rates=rates, forward=_forward(message))
 
     def of_position(self, time: int, since: int) -> Target | None:
         """Return the setpoint of position control, which began at `since`. None: the vehicle holds.
@@ -170,6 +171,12 @@ def _limit(is_set: bool, value: float) -> float:  # noqa: FBT001 - a flag of a m
 def _in_hover(thrust: float) -> float:
     """Return the thrust of a setpoint, which is -1 for all that the motors have, as a share of that in hover."""
     return max(0.0, -thrust) / PARAMETERS["MPC_THR_HOVER"]
+
+
+def _forward(message: Any) -> float:
+    """Return the thrust of a fixed-wing aircraft."""
+    thrust = message.thrust_body[0]
+    return max(0.0, min(1.0, thrust)) if math.isfinite(thrust) else 0.0
 
 
 def _finite(*values: float) -> list[float]:

@@ -25,13 +25,15 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.messages.vehicle_types import ROTARY_WING
+from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING
 from msggen.sim.battery import Battery
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.commander.states import PILOTED
 from msggen.sim.flight import NAN, Target, wrapped
 from msggen.sim.noise import Noise
 from msggen.sim.parts import POWER_MODULE
+from msggen.sim.vtol_pilot import State, VtolPilot
+from msggen.sim.wings import Wings
 from msggen.sim.world import World
 
 Values: TypeAlias = Mapping[str, Any]
@@ -67,6 +69,8 @@ _PLACE, _SPEED, _PULL, _TURN, _HEADING = 0.001, 0.015, 0.06, 0.006, 0.0005
 """The noise of estimates, as standard deviations in m, m/s, m/s^2, rad/s and rad: those of PX4's simulator at rest."""
 _GYRO, _FORCE = 0.007, 0.07
 """That of the sensors, in rad/s and m/s^2."""
+_WIND, _AIRSPEED, _LEAST_AIRSPEED = 0.03, 0.2, 0.1
+"""That of the wind and of the airspeed in m/s, and the least airspeed that a sensor tells."""
 _GPS_PLACE, _GPS_HEIGHT, _GPS_SPEED = 2e-7, 0.03, 0.025
 """That of GPS, in degrees, m and m/s."""
 _XY_RESETS, _Z_RESETS, _VXY_RESETS, _VZ_RESETS, _HEADING_RESETS = 4, 2, 3, 1, 1
@@ -120,7 +124,7 @@ class Filler:
 
 def _vehicle_status(scene: Scene) -> Values:
     commander, battery = scene.world.commander, scene.world.battery
-    failsafe = commander.failsafe
+    failsafe, airframe, state = commander.failsafe, scene.world.airframe, scene.world.vtol_state
     return {
         "armed_time": commander.armed_time,
         "takeoff_time": commander.takeoff_time,
@@ -135,13 +139,17 @@ def _vehicle_status(scene: Scene) -> Values:
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
         "valid_nav_states_mask": _VALID_MODES,
         "can_set_nav_states_mask": commander.selectable,
-        "vehicle_type": ROTARY_WING,
+        "vehicle_type": commander.vehicle_type,
+        "is_vtol": airframe.is_vtol,
+        "is_vtol_tailsitter": airframe.is_tailsitter,
+        "in_transition_mode": state in {State.TO_FORWARD, State.TO_HOVER},
+        "in_transition_to_fw": state is State.TO_FORWARD,
         "failsafe": failsafe.is_active,
         "failsafe_and_user_took_over": failsafe.user_took_over,
         "failsafe_defer_state": failsafe.defer_state,
         "gcs_connection_lost": not scene.world.has_ground_station,
         "battery_warning": battery.warning,
-        "system_type": 2,
+        "system_type": airframe.system_type,
         "system_id": scene.world.system_id,
         "component_id": 1,
         "safety_button_available": True,
@@ -350,7 +358,9 @@ def _vehicle_control_mode(scene: Scene) -> Values:
     return {
         "source_id": mode,
         "flag_armed": commander.is_armed,
-        "flag_multicopter_position_control_enabled": "velocity" in controls or "climb_rate" in controls,
+        "flag_multicopter_position_control_enabled": (
+            commander.vehicle_type == ROTARY_WING and not controls.isdisjoint({"velocity", "climb_rate"})
+        ),
         "flag_control_manual_enabled": mode in PILOTED,
         "flag_control_auto_enabled": mode in _AUTOMATIC,
         "flag_control_offboard_enabled": mode == OFFBOARD,
@@ -409,11 +419,16 @@ _BY_GPS = ("cs_gps_hgt", "cs_gnss_pos", "cs_gnss_vel", "cs_gps")
 
 def _estimator_status_flags(scene: Scene) -> Values:
     world = scene.world
-    landed = world.is_landed
+    landed, has_wings = world.is_landed, isinstance(world.flight, Wings) and world.flight.is_flying_by_wings
     flags = dict.fromkeys(_STEADY, True) | dict.fromkeys(_BY_GPS, world.has_gps)
     return {
         **flags,
         "control_status_changes": _CONTROL_CHANGES + world.control_changes,
+        "cs_fixed_wing": world.commander.vehicle_type == FIXED_WING,
+        "cs_in_transition": world.vtol_state in {State.TO_FORWARD, State.TO_HOVER},
+        "cs_wind": world.has_flown_by_wings,
+        "cs_fuse_beta": has_wings and not landed,
+        "cs_fuse_aspd": has_wings and not landed,
         "cs_mag_dec": landed,
         "cs_mag_aligned_in_flight": not landed,
         "cs_in_air": not landed,
@@ -451,13 +466,38 @@ def _actuator_motors(scene: Scene) -> Values:
     return {"control": motors + (NAN,) * (12 - _MOTORS)}
 
 
-def _wind(_: Scene) -> Values:
-    return {"windspeed_north": 1.5, "windspeed_east": -0.8, "variance_north": 0.3, "variance_east": 0.3}
+def _wind(scene: Scene) -> Values | None:
+    flight = scene.world.flight
+    if not isinstance(flight, Wings):
+        return {"windspeed_north": 1.5, "windspeed_east": -0.8, "variance_north": 0.3, "variance_east": 0.3}
+    if not scene.world.has_flown_by_wings:
+        return None
+    (north, east), noise = flight.wind, scene.noise
+    speeds = {"windspeed_north": north + _WIND * noise(), "windspeed_east": east + _WIND * noise()}
+    return {**speeds, "variance_north": 0.1, "variance_east": 0.1}
 
 
-def _airspeed_validated(_: Scene) -> Values:
-    names = ("indicated", "calibrated", "true")
-    return {**{f"{name}_airspeed_m_s": NAN for name in names}, "airspeed_source": -1, "selected_airspeed_index": -1}
+def _airspeed_validated(scene: Scene) -> Values:
+    flight, names = scene.world.flight, ("indicated", "calibrated", "true")
+    if not isinstance(flight, Wings):
+        return {**{f"{name}_airspeed_m_s": NAN for name in names}, "airspeed_source": -1, "selected_airspeed_index": -1}
+    speed = max(_LEAST_AIRSPEED, flight.airspeed + _AIRSPEED * scene.noise())
+    return {
+        **{f"{name}_airspeed_m_s": speed for name in names},
+        "airspeed_source": 1,  # SOURCE_SENSOR_1
+        "selected_airspeed_index": 1,
+        "airspeed_sensor_measurement_valid": True,
+        "calibrated_ground_minus_wind_m_s": speed if scene.world.has_flown_by_wings else NAN,
+        "calibraded_airspeed_synth_m_s": flight.trim,
+        "throttle_filtered": 0.0,
+        "pitch_filtered": flight.pitch,
+    }
+
+
+def _vtol_vehicle_status(scene: Scene) -> Values:
+    pilot = scene.world.autopilot
+    failed = isinstance(pilot, VtolPilot) and pilot.has_failed
+    return {"vehicle_vtol_state": scene.world.vtol_state or 0, "fixed_wing_system_failure": failed}
 
 
 def _gimbal_device_attitude_status(scene: Scene) -> Values:
@@ -493,5 +533,6 @@ VALUES: Mapping[str, Callable[[Scene], Values | None]] = {
     "VehicleLocalPositionSetpoint": _vehicle_local_position_setpoint,
     "VehicleOdometry": _vehicle_odometry,
     "VehicleStatus": _vehicle_status,
+    "VtolVehicleStatus": _vtol_vehicle_status,
     "Wind": _wind,
 }

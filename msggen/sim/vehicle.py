@@ -20,6 +20,7 @@ from msggen.link.xrce import client as xrce
 from msggen.link.xrce.client_events import Connected, Received, Requested
 from msggen.link.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
 from msggen.sim import faults
+from msggen.sim.airframes import airframe_of
 from msggen.sim.changes import Changes
 from msggen.sim.disturbances import Disturbances, noise_with
 from msggen.sim.endpoints import endpoints_of
@@ -341,12 +342,13 @@ class SimulatedVehicle:
 def world_of(package: ModuleType, options: Options) -> World:
     """Return the world of a vehicle, with the rules of the release of a generated package.
 
-    Raises ValueError for a parameter that cannot be set, and for what is no part or no disturbance.
+    Raises ValueError for a parameter that cannot be set, and for what is no vehicle, part or disturbance.
     """
     for name in options.parameters:
         check_settable(name)
     for name in options.parts:
         check_part(name)
+    airframe = airframe_of(options.vehicle)
     topics = import_module(f"{package.__name__}.topics")
     has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
     found = World(
@@ -354,9 +356,10 @@ def world_of(package: ModuleType, options: Options) -> World:
         options.key,
         has_position=not options.misbehaviour.no_position,
         rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
-        parameters={**PARAMETERS, **options.parameters},
+        parameters={**PARAMETERS, **airframe.parameters, **options.parameters},
+        airframe=airframe,
     )
-    found.parts = options.parts
+    found.parts = options.equipment
     found.disturbances = Disturbances(options.disturbances, options.seed, options.key)
     return found
 

@@ -7,55 +7,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from msggen.messages.nav_states import MODE_NAMES
-from msggen.sim.autopilot import Autopilot
+from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.battery import Battery
 from msggen.sim.commander.commander import LOOP, Commander
 from msggen.sim.commander.requirements import Senses
 from msggen.sim.commander.rules import V1_18, Rules
-from msggen.sim.commander.states import BY_INACTION, BY_LANDING
+from msggen.sim.commander.states import BY_FAILSAFE, BY_INACTION, BY_LANDING
 from msggen.sim.commands import carry_out
 from msggen.sim.disturbances import Disturbances
-from msggen.sim.flight import GRAVITY, Flight, Push, Target
-from msggen.sim.parameters import PARAMETERS, microseconds
+from msggen.sim.flight import GRAVITY, Push, Target
+from msggen.sim.landing import Now
+from msggen.sim.models import model_of
+from msggen.sim.parameters import PARAMETERS
 from msggen.sim.places import Home
 from msggen.sim.setpoints import Setpoints
-
-_STAGE = microseconds("LNDMC_TRIG_TIME") // 3
-_IDLE = 250_000
-"""The time after ground contact until the thrust has fallen, which the second stage waits for."""
-_CONTACT, _MAYBE, _LANDED = _STAGE, 2 * _STAGE + _IDLE, 3 * _STAGE + _IDLE
-"""How long the vehicle rests until each stage."""
-
-
-class LandDetector:
-    """The land detector of a multicopter: ground contact, maybe landed, landed. It begins on the ground.
-
-    Times are in us.
-    """
-
-    def __init__(self) -> None:
-        self.ground_contact = self.maybe_landed = self.landed = True
-        self._since = 0
-        """When the vehicle came to rest."""
-
-    def step(self, time: int, *, is_resting: bool, is_disturbed: bool, is_armed: bool) -> None:
-        """Move on to a time.
-
-        `is_resting`: the vehicle stands on the ground, its motors do not push it up, and no setpoint of a program lets
-        them carry it.
-        `is_disturbed`: position control took a GotoSetpoint, whose speed is not that of a descent.
-        """
-        if not is_resting:
-            self._since = time
-            self.ground_contact = self.maybe_landed = self.landed = False
-        elif not self.landed:
-            if is_disturbed:
-                self._since = time
-            rest = time - self._since if is_armed else _LANDED
-            self.ground_contact, self.maybe_landed, self.landed = rest >= _CONTACT, rest >= _MAYBE, rest >= _LANDED
-
+from msggen.sim.vtol_pilot import State, VtolPilot
+from msggen.sim.wheels import Drive
+from msggen.sim.wings import Wing, Wings
 
 __all__ = ["STEP", "Home", "World"]
 
@@ -71,7 +42,7 @@ _LOSS, _GAIN = 5_200_000, 1_270_000
 class World:
     """A vehicle on the ground at its home, disarmed, in hold mode."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         home: Home | None = None,
         system_id: int = 1,
@@ -79,6 +50,7 @@ class World:
         has_position: bool = True,
         rules: Rules = V1_18,
         parameters: Mapping[str, float] = PARAMETERS,
+        airframe: Airframe = AIRFRAMES["multicopter"],
     ) -> None:
         self.origin = home or Home()
         """The origin of the local position: on the ground below the start, until a command sets another."""
@@ -94,16 +66,16 @@ class World:
         """The names of the parts that the vehicle has."""
         self.disturbances = Disturbances()
         """What moves the vehicle beside its motors."""
-        self.flight = Flight()
         self.battery = Battery()
         self.time = 0
         """The time of the last step."""
         self.reason = ""
         """Why the last command was refused."""
-        self.commander = Commander(rules, parameters)
+        self.airframe = airframe
+        self.commander = Commander(rules, parameters, airframe)
         self.setpoints = Setpoints()
-        self.autopilot = Autopilot(self.flight, self.setpoints, parameters)
-        self.landing = LandDetector()
+        self.flight, self.autopilot, self.landing = model_of(airframe, self.setpoints, parameters, rules)
+        self.autopilot.origin = self.origin.altitude
         self.position_resets = self.home_changes = self.control_changes = 0
         """How often the position was found again, home was set, and the vehicle took off or landed."""
         self._parameters = parameters
@@ -113,7 +85,7 @@ class World:
         self._loop_time = -LOOP
         self._gps_time = 0
         """When GPS and position were last both there or both gone."""
-        self._setpoint: Target | Push | None = None
+        self._setpoint: Target | Push | Wing | Drive | None = None
         self._senses = Senses()
 
     # Time
@@ -147,25 +119,28 @@ class World:
             self.has_position = self.has_gps
             self.position_resets += self.has_position
         self.autopilot.has_position = self.has_position
+        self.commander.vehicle_type = self.autopilot.vehicle_type
         self.has_home |= self.has_position
 
     def _fly(self, seconds: float) -> None:
         """Move the vehicle to the setpoint of the mode, and see whether it has landed."""
-        commander, autopilot, flight, landing = self.commander, self.autopilot, self.flight, self.landing
-        climb = -math.inf
-        target = autopilot.target(self.time, commander.controls) if commander.is_armed else None
-        if target is None:
-            autopilot.lift.reset()
+        commander, autopilot = self.commander, self.autopilot
+        target: Any = None  # the motion takes what its pilot gives
+        if commander.is_armed:
+            target = autopilot.target(self.time, commander.controls)
+            climb = autopilot.lift_off(self.time, commander.armed_time, target, is_landed=self.landing.landed)
         else:
-            climb = autopilot.lift_off(self.time, commander.armed_time, target, is_landed=landing.landed)
+            climb = -math.inf
+            autopilot.rest()
         if not self.disturbances.is_calm:
-            self.disturbances.step(flight, seconds)
-        flight.step(seconds, target, climb)
-        is_disturbed, self.setpoints.has_new_goto = self.setpoints.has_new_goto and autopilot.controls_position, False
-        is_led_down = flight.is_pressed or not autopilot.is_led  # else the motors carry the vehicle: it has not landed
-        is_resting = flight.is_on_ground and not autopilot.lift.is_pushing and is_led_down
-        landing.step(self.time, is_resting=is_resting, is_disturbed=is_disturbed, is_armed=commander.is_armed)
+            self.disturbances.step(self.flight, seconds)
+        self.flight.step(seconds, target, climb)
+        is_led, self.setpoints.has_new_goto = self.setpoints.has_new_goto and autopilot.controls_position, False
+        armed = commander.armed_time if commander.is_armed else None
+        self.landing.look(Now(self.time, armed, commander.mode, is_led))
         self._setpoint = target
+        if isinstance(autopilot, VtolPilot) and autopilot.is_overturned:
+            commander.crash()
 
     def _follow_home(self) -> None:
         """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
@@ -192,6 +167,7 @@ class World:
             manual_control=self.has_sticks,
             ground_station=self.has_ground_station,
             battery=self.battery.warning,
+            wings_failed=isinstance(self.autopilot, VtolPilot) and self.autopilot.has_failed,
             is_landed=self.landing.landed,
             is_done=self.autopilot.is_done(is_landed=self.landing.landed),
         )
@@ -200,6 +176,16 @@ class World:
         return self._senses
 
     # State
+
+    @property
+    def vtol_state(self) -> State | None:
+        """Whether a VTOL hovers or flies by its wings, None for another vehicle."""
+        return self.autopilot.state if isinstance(self.autopilot, VtolPilot) else None
+
+    @property
+    def has_flown_by_wings(self) -> bool:
+        """Whether the wind is known."""
+        return isinstance(self.flight, Wings) and self.flight.has_flown
 
     @property
     def mode(self) -> int:
@@ -225,7 +211,11 @@ class World:
     def why_disarmed(self) -> str:
         """Why the vehicle has disarmed by itself, "" if a command did it."""
         pause = self._parameters["COM_DISARM_PRFLT"]
-        texts = {BY_LANDING: "landed", BY_INACTION: f"no takeoff within {pause:.0f} s"}
+        texts = {
+            BY_FAILSAFE: "the vehicle lies on its back",
+            BY_LANDING: "landed",
+            BY_INACTION: f"no takeoff within {pause:.0f} s",
+        }
         return texts.get(self.commander.disarming_reason, "")
 
     def state(self, *, was_armed: bool) -> str:
@@ -282,6 +272,7 @@ class World:
         """Count the local position from a place. The vehicle stays where it is."""
         place, ground = self.place, self.origin.altitude - self.flight.ground
         self.origin = origin
+        self.autopilot.origin = origin.altitude
         self.flight.position, self.flight.ground = origin.local(place), origin.altitude - ground
         self.autopilot.home = origin.local(self.home)
         self.autopilot.begin_again()

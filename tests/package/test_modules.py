@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import keyword
+import sys
 from typing import Any
 
 import pytest
@@ -113,3 +114,11 @@ def test_support_modules_are_copied_as_they_are() -> None:
 
 def test_the_package_has_every_support_module() -> None:
     assert {path.name for path in SUPPORT.glob("*.py")} <= {file.path for file in FILES}
+
+
+def test_a_definition_does_not_need_what_sys_modules_has(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runners of tests forget what was imported in a test, such as pytest's own `pytester`."""
+    message = px4_types.EscStatus
+    expected = message.__msg__.definition
+    monkeypatch.delitem(sys.modules, message.__module__)
+    assert message.__msg__.definition == expected

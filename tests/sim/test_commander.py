@@ -7,8 +7,7 @@ import pytest
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED, TEMPORARILY_REJECTED
 from msggen.sim.commander.checks import Reply
-from msggen.sim.commander.commander import Overrides
-from msggen.sim.commander.components import REFUSED, REFUSED_ARMED, Registration
+from msggen.sim.commander.components import REFUSED, REFUSED_ARMED, Overrides, Registration
 from msggen.sim.commander.rules import V1_15, V1_15_SITL, V1_16, V1_17, V1_18, Rules
 from support.commander_driver import Driver
 

@@ -7,7 +7,7 @@ import pytest
 from msggen.messages import nav_states, setpoints
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.sim.commander import setpoint_types, states
-from msggen.sim.commander.commander import Overrides
+from msggen.sim.commander.components import Overrides
 from support.commander_driver import NEEDS, Driver
 
 POSITIONS = ["local_position", "local_position_relaxed", "global_position"]

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED
-from msggen.sim.commander.commander import Overrides
-from msggen.sim.commander.components import Components, Registered, Registration
+from msggen.sim.commander.components import Components, Overrides, Registered, Registration
 from support.commander_driver import Driver
 
 NAMES = st.sampled_from([f"Mode {number}" for number in range(11)])

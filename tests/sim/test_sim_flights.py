@@ -14,8 +14,7 @@ from typing import Any
 
 import pytest
 
-from msggen.sim.commander.commander import Overrides
-from msggen.sim.commander.components import Registration
+from msggen.sim.commander.components import Overrides, Registration
 from msggen.sim.commander.requirements import OF_PX4
 from msggen.sim.commander.rules import V1_18, Rules
 from support import flight_captures

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, TypeAlias
 from msggen.messages import nav_states
 from msggen.messages.commands import EXECUTOR, TEMPORARILY_REJECTED
 from msggen.sim.commander.checks import Reply
-from msggen.sim.commander.commander import Commander, Overrides
-from msggen.sim.commander.components import Registration
+from msggen.sim.commander.commander import Commander
+from msggen.sim.commander.components import Overrides, Registration
 from msggen.sim.commander.requirements import OF_PX4, Senses
 from msggen.sim.commander.rules import V1_18, Rules
 from support.flight_captures import SEEN, Captured, Sample

@@ -72,7 +72,9 @@ class Flown(NearVehicle):
         A vehicle whose height drifts leaves the ground later.
         """
         super().advance(now)
-        lift, world = self.world.autopilot.lift, self.world
+        lift, world = getattr(self.world.autopilot, "lift", None), self.world
+        if lift is None:
+            return
         is_idle = lift._start is None and lift.climb < 0.0
         if is_idle and world.is_armed and world.mode == _TAKEOFF and not self._options.disturbances:
             lift._start = now - _THRUSTING

@@ -31,6 +31,7 @@ class FoxgloveClient:
         """All other texts of the server."""
         self.samples: list[tuple[str, int, bytes]] = []
         """Topic, time in ns and payload."""
+        self._payloads: dict[str, list[bytes]] = {}
         self.states: list[bytes] = []
 
     def receive(self, is_done: Callable[[], bool]) -> None:
@@ -38,9 +39,8 @@ class FoxgloveClient:
         end = time.monotonic() + WAIT
         while not is_done():
             if time.monotonic() > end:
-                raise TimeoutError(
-                    f"not seen in {WAIT:g} s; channels: {[each['topic'] for each in self.channels.values()]}"
-                )
+                numbers = {each["topic"]: len(self.of(each["topic"])) for each in self.channels.values()}
+                raise TimeoutError(f"not seen in {WAIT:g} s; samples by channel: {numbers}")
             with suppress(TimeoutError):
                 self._receive_one(self._socket.recv(0.05))
 
@@ -49,7 +49,9 @@ class FoxgloveClient:
             self._take(json.loads(data))
         elif data[0] == 1:
             number, stamp = struct.unpack_from("<IQ", data, 1)
-            self.samples.append((self.channels[number]["topic"], stamp, data[13:]))
+            topic, payload = self.channels[number]["topic"], data[13:]
+            self.samples.append((topic, stamp, payload))
+            self._payloads.setdefault(topic, []).append(payload)
         else:
             self.states.append(data)
 
@@ -80,7 +82,7 @@ class FoxgloveClient:
 
     def of(self, topic: str) -> list[bytes]:
         """Return the payloads of a topic so far."""
-        return [payload for name, _, payload in self.samples if name == topic]
+        return self._payloads.get(topic, [])
 
     def __enter__(self) -> Self:
         return self

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
@@ -21,6 +20,7 @@ from msggen.sim.commander.components import (
     REFUSED,
     REFUSED_ARMED,
     Components,
+    Overrides,
     Registered,
     Registration,
 )
@@ -28,6 +28,7 @@ from msggen.sim.commander.failsafe import Action, Failsafe, Situation, Trigger
 from msggen.sim.commander.requirements import Requirements, Senses, texts_of
 from msggen.sim.commander.rules import Rules
 from msggen.sim.commander.setpoint_types import ALL, Controls, controls_of
+from msggen.sim.commander.while_armed import WhileArmed
 
 LOOP = 10_000
 """The time between two steps of PX4's commander."""
@@ -35,19 +36,9 @@ _CHECKS = 100_000
 """The time between two looks at the requirements of modes."""
 _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
-_REPORTED = frozenset({nav_states.TAKEOFF, nav_states.LAND, nav_states.RETURN})
+_TAKEOFFS = frozenset({nav_states.TAKEOFF, nav_states.VTOL_TAKEOFF})
+_REPORTED = _TAKEOFFS | {nav_states.LAND, nav_states.RETURN}
 """The modes whose end PX4 reports."""
-
-
-class Overrides(NamedTuple):
-    """A ConfigOverrides: what a mode or an executor changes while it is active."""
-
-    keeps_armed: bool = False
-    """Whether the vehicle stays armed after landing."""
-    defers: bool = False
-    defer_seconds: int = 0
-    keeps_home: bool = False
-    """Whether the home position stays at takeoff: from v1.18 on."""
 
 
 class Commander:
@@ -99,9 +90,7 @@ class Commander:
         self._now = self._check_time = self._completion_time = 0
         self._resting: int | None = None
         """Since when the vehicle rests on the ground, as far as that disarms it."""
-        self._had_sticks = False
-        """Whether there were sticks when the vehicle was armed, or since then."""
-        self._battery_when_armed = 0
+        self._armed = WhileArmed(parameters)
 
     @property
     def _in_charge(self) -> int:
@@ -156,7 +145,7 @@ class Commander:
     def _look(self) -> None:
         """Look at the requirements of all modes. The next step decides by what is missing now."""
         self._check_time, self.senses = self._now, self._sensed
-        self._had_sticks |= self.senses.manual_control
+        self._armed.had_sticks |= self.senses.manual_control
         modes = self.components.modes
         replaced = {mode: own.replaces for mode, own in modes.items() if own.replaces is not None}
         registered = {each.mode for each in self.checks.registered.values()} & modes.keys()
@@ -190,23 +179,9 @@ class Commander:
 
     def _triggers(self) -> Mapping[str, Trigger]:
         """Return the reasons for failsafes that are there now."""
-        senses, found = self.senses, {}
-        if self.is_armed and self._had_sticks and not senses.manual_control:
-            found["manual control"] = Trigger(Action.RETURN, stays=True)
-        if self.is_armed and senses.battery > self._battery_when_armed and self._battery_action(senses.battery):
-            found[f"battery {senses.battery}"] = Trigger(self._battery_action(senses.battery), stays=True)
-        action = failsafe.fallback(self._selected, can_run=self._runs, has_sticks=senses.manual_control)
-        if action:
-            found["mode"] = Trigger(action, waits=False)
-        return found
-
-    def _battery_action(self, warning: int) -> Action:
-        """Return what COM_LOW_BAT_ACT says: 0 warn, 1 return, 2 land, 3 return, and land in an emergency."""
-        setting = round(self._parameters["COM_LOW_BAT_ACT"])
-        if warning < 2 or setting == 0:  # noqa: PLR2004 - low
-            return Action.WARN
-        is_land = setting == 2 or (setting == 3 and warning > 2)  # noqa: PLR2004 - as above
-        return Action.LAND if is_land else Action.RETURN
+        action = failsafe.fallback(self._selected, can_run=self._runs, has_sticks=self.senses.manual_control)
+        found = {"mode": Trigger(action, waits=False)} if action else {}
+        return {**found, **self._armed.triggers(self._selected, self.senses)} if self.is_armed else found
 
     def _runs(self, mode: int) -> bool:
         """Whether a mode can run, as failsafes see it."""
@@ -219,7 +194,7 @@ class Commander:
             if self._now >= self._completion_time + _COMPLETED:
                 self._completion_time = self._now
                 self.completed.append(mode)
-            if mode == nav_states.TAKEOFF and self.executor_in_charge == AUTOPILOT:
+            if mode in _TAKEOFFS and self.executor_in_charge == AUTOPILOT:
                 self._select(nav_states.HOLD, by_executor=True)
         self._rest()
 
@@ -229,8 +204,9 @@ class Commander:
             self._resting = None
         elif not self.takeoff_time:
             self._resting = self._resting or self._now
-            seconds = self._parameters["COM_SPOOLUP_TIME"] + self._parameters["COM_DISARM_PRFLT"]
-            self._disarm_after(seconds, states.BY_INACTION)
+            pause = self._parameters["COM_DISARM_PRFLT"]
+            if pause > 0:
+                self._disarm_after(self._parameters["COM_SPOOLUP_TIME"] + pause, states.BY_INACTION)
         elif not self._applied.keeps_armed:
             self._resting = (self._resting or self._now) if self._sensed.is_landed else None
             self._disarm_after(self._parameters["COM_DISARM_LAND"], states.BY_LANDING)
@@ -356,7 +332,7 @@ class Commander:
     def _select(self, mode: int, *, by_executor: bool = False) -> None:
         selected = self.components.replaced_by(mode)
         self._selected, self._is_new = selected, True
-        if not self.requirements.prevents_arming(selected) and selected != nav_states.TAKEOFF:
+        if not self.requirements.prevents_arming(selected) and selected not in _TAKEOFFS:
             self._mode_when_disarmed = selected
         self._take_charge(selected, by_executor=by_executor)
 
@@ -379,7 +355,7 @@ class Commander:
             return TEMPORARILY_REJECTED
         self.is_armed, self.armed_time, self.arming_reason = True, self._now, states.BY_COMMAND
         self.takeoff_time = 0
-        self._had_sticks, self._battery_when_armed = self.senses.manual_control, self.senses.battery
+        self._armed.begin(self.senses)
         return ACCEPTED
 
     def disarm(self, *, is_forced: bool = False) -> int:
@@ -391,6 +367,11 @@ class Commander:
         if self.is_armed:
             self._disarm(states.BY_COMMAND)
         return ACCEPTED
+
+    def crash(self) -> None:
+        """Disarm at once, because the failure detector has seen the vehicle on its back."""
+        if self.is_armed:
+            self._disarm(states.BY_FAILSAFE)
 
     def _disarm(self, reason: int) -> None:
         self.is_armed, self.disarming_reason = False, reason

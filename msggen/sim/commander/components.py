@@ -49,6 +49,17 @@ REFUSED_ARMED = Registered(success=False, check=0, mode=0, executor=0)
 """The reply while the vehicle is armed: PX4 leaves the ids at zero."""
 
 
+class Overrides(NamedTuple):
+    """A ConfigOverrides: what a mode or an executor changes while it is active."""
+
+    keeps_armed: bool = False
+    """Whether the vehicle stays armed after landing."""
+    defers: bool = False
+    defer_seconds: int = 0
+    keeps_home: bool = False
+    """Whether the home position stays at takeoff: from v1.18 on."""
+
+
 class Mode(NamedTuple):
     """A mode of a program."""
 

@@ -70,6 +70,8 @@ class Senses(NamedTuple):
     ground_station: bool = False
     battery: int = 0
     """The warning: 0 none, 1 low, 2 critical, 3 emergency."""
+    wings_failed: bool = False
+    """Whether a VTOL has given up forward flight: a quad-chute."""
     is_landed: bool = True
     is_done: bool = False
     """Whether PX4's own mode, such as a takeoff, has reached its end."""

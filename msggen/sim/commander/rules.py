@@ -24,12 +24,14 @@ class Rules(NamedTuple):
     """Whether SetpointConfig sets the type of a mode's setpoints. Otherwise, VehicleControlMode does."""
     takes_both_of_vtol: bool = False
     """Whether a VTOL accepts fixed-wing setpoints also while it hovers, as v1.18 has since September 2026."""
+    pushes_in_modes: bool = True
+    """Whether a VTOL can go to forward flight in the mode of a program: its pusher starts there, as from v1.17 on."""
     api_version: int = 2
     """The version of the interface that replies carry: LATEST_PX4_ROS2_API_VERSION."""
 
 
 V1_18 = Rules()
 V1_17 = Rules(configures_setpoints=False, api_version=1)
-V1_16 = V1_17._replace(most_age=None, asks_executor=False)
+V1_16 = V1_17._replace(most_age=None, asks_executor=False, pushes_in_modes=False)
 V1_15 = V1_16._replace(misses=3, first_misses=3)
 V1_15_SITL = V1_15._replace(always_registers=True)

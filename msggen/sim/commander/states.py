@@ -12,4 +12,5 @@ PILOTED: Final = frozenset({MANUAL, ALTITUDE, POSITION, STABILIZED})
 BY_COMMAND: Final = 4
 BY_LANDING: Final = 6
 BY_INACTION: Final = 7
-"""Reasons of arming and disarming: COMMAND_EXTERNAL, LANDING, PREFLIGHT_INACTION."""
+BY_FAILSAFE: Final = 14
+"""Reasons of arming and disarming: COMMAND_EXTERNAL, LANDING, PREFLIGHT_INACTION and FAILSAFE."""
