@@ -215,8 +215,10 @@ class ActiveMode:
         return True
 
     def _circle(self, estimate: Any) -> bool:
-        """Fly around the place that was reached, or on a circle that begins here."""
-        if self._way is None or not self._way.is_there:
+        """Fly around the place that was reached, or on a circle that begins here. On the ground, stand."""
+        if is_landed(self.feeds):
+            self._stream.pause()
+        elif self._way is None or not self._way.is_there:
             centre = self._fence.nearest(circle_centre(estimate))
             self._guide(FIXED_WING, Way.around(self.feeds, centre))
         return True

@@ -22,6 +22,8 @@ RADIUS: Final = 80.0
 LEVEL: Final = 10.0
 """The difference in m up to which an altitude is reached: NAV_FW_ALT_RAD."""
 _GRAVITY = 9.81
+_AWAY = 4.0
+"""How far it flies away from such a place, in radii of a turn with a bank of 45 degrees."""
 _NEAREST = 10.0
 """The smallest distance in m at which a place is reached by default. Else, it is the radius of a turn."""
 _NAN: Final = math.nan
@@ -161,6 +163,8 @@ class Way:
         self._feeds, self._place, self._airspeed, self._within = feeds, place, airspeed, within
         self.is_there = within == math.inf
         """Whether it has been near the place, and flies around it."""
+        self._leaves = False
+        """Whether it flies away from a place inside its turn, around which it would fly for ever."""
         self._last = Wings(lateral_acceleration=0.0, height_rate=0.0)
 
     @classmethod
@@ -191,9 +195,12 @@ class Way:
         wings = Wings(altitude=sea - self._place.z, airspeed=self._airspeed)
         if self.is_there:
             return _around(wings, distance, bearing, speed)
-        # a place within the turn is not reached by it: the aircraft first flies away from it
-        is_too_near = distance < 2.0 * speed * speed / _GRAVITY * abs(math.sin(bearing - track))
-        return wings._replace(course=track if is_too_near else bearing)
+        turn = speed * speed / _GRAVITY
+        if distance < 2.0 * turn * abs(math.sin(bearing - track)):
+            self._leaves = True
+        elif distance > _AWAY * turn:
+            self._leaves = False
+        return wings._replace(course=track if self._leaves else bearing)
 
 
 def _around(wings: Wings, distance: float, bearing: float, speed: float) -> Wings:

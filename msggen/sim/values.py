@@ -139,7 +139,7 @@ def _vehicle_status(scene: Scene) -> Values:
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
         "valid_nav_states_mask": _VALID_MODES,
         "can_set_nav_states_mask": commander.selectable,
-        "vehicle_type": commander.vehicle_type,
+        "vehicle_type": scene.world.autopilot.vehicle_type,
         "is_vtol": airframe.is_vtol,
         "is_vtol_tailsitter": airframe.is_tailsitter,
         "in_transition_mode": state in {State.TO_FORWARD, State.TO_HOVER},
