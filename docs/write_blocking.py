@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from msggen.flight.flight import Flight
+from msggen.flight.measurements import Measurements
 from msggen.flight.offboard import Offboard
 from msggen.flight.telemetry import Telemetry
 
 FILE = Path(__file__).resolve().parent.parent / "msggen/flight/blocking_calls.py"
-CLASSES = (Flight, Telemetry, Offboard)
+CLASSES = (Flight, Telemetry, Offboard, Measurements)
 _OTHERS = {"run"}
 """The coroutines that blocking.py has itself."""
 _FRONT = '''"""The calls of flights for programs without asyncio.

@@ -28,6 +28,8 @@ GROUPS = {
         *("docs/vehicle", "docs/topic", "docs/doctor", "docs/errors_of_others"),
         *(
             "docs/flight",
+            "docs/missions",
+            "docs/measurements",
             "docs/flight_safety",
             "docs/flight_tests",
             "docs/sim",

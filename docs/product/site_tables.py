@@ -29,6 +29,7 @@ GROUPS = {
     "S": "Sources and outputs",
     "B": "`msggen bump`",
     "C": "Settings and rules",
+    "F": "Mission files",
     "T": "Templates",
     "L": "Running vehicles",
     "R": "Recordings",

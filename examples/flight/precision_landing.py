@@ -60,7 +60,7 @@ class PreciseLanding(Mode, name="Precise Landing"):
     setpoints = (TRAJECTORY,)
 
     def __init__(self, flight: Flight, target: Target) -> None:
-        self.telemetry, self.target = flight.telemetry, target
+        self.target = target
         self.estimate = flight.feeds["vehicle_local_position"]
 
     async def fly(self) -> None:

@@ -37,7 +37,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "lsp": ("base", "definitions", "sources", "check", "generate.bump", "show"),
         "cli": (
             *("base", "definitions", "sources", "check", "generate", "link", "messages", "vehicle", "sim"),
-            *("recordings", "exports", "ros", "doctor", "show", "lsp"),
+            *("flight", "recordings", "exports", "ros", "doctor", "show", "lsp"),
         ),
     }
 )

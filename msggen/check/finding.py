@@ -33,6 +33,7 @@ class Category(Enum):
     DEFINITION = "samples arrive, but are decoded with another definition, or not at all"
     TIME = "samples arrive, but their timestamps are those of another clock"
     FLOW = "samples arrive rarely, or some of them do not arrive"
+    MEASUREMENT = "programs send measurements, but the vehicle's estimator does not use them"
     SETPOINT = "programs send setpoints, but the vehicle does not follow them"
 
 
@@ -43,6 +44,7 @@ OF_VEHICLES = (
     Category.DEFINITION,
     Category.TIME,
     Category.FLOW,
+    Category.MEASUREMENT,
     Category.SETPOINT,
 )
 """The categories of what is wrong with a running vehicle. Their findings are about no lines of a file."""

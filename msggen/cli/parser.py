@@ -25,7 +25,7 @@ from msggen.cli.values import Deferred
 _GROUPS = {
     "Types": ("build", "render", "docs", "px4-generate"),
     "Firmware in step": ("sync", "check", "breaking", "lint", "bump", "lsp"),
-    "Vehicle": ("topic", "top", "view", "command", "call", "doctor", "link", "relay", "sim"),
+    "Vehicle": ("topic", "top", "view", "command", "call", "doctor", "link", "relay", "sim", "mission"),
     "Recordings": ("record", "play", "log"),
     "Help": ("releases", "settings", "rules", "explain", "completion"),
 }
@@ -43,7 +43,7 @@ def output_format_of(words: Sequence[str]) -> str:
         name, mark, value = word.partition("=")
         if name == "--output-format":
             found = value if mark else after
-        elif word == "--json" and words[0] in ("doctor", "log"):  # where it stands for --output-format json
+        elif word == "--json" and words[0] in ("doctor", "log", "mission"):  # where it stands for --output-format json
             found = "json"
     return found
 

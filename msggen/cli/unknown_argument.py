@@ -31,7 +31,10 @@ SYNONYMS: Mapping[str, str] = {"show": "info"}
 _NO_AGENT = "no agent is needed: PX4's client connects to msggen; `msggen doctor --link udp://0.0.0.0:8888` shows it"
 _PARAMETERS = "parameters are set with QGroundControl or MAVSDK; `msggen log show FILE --params` prints those of a ULog"
 _MODES = "`msggen command mode NAME` selects a mode, such as hold, and `msggen topic echo vehicle_status` shows it"
-_MISSIONS = "missions go over MAVLink, with QGroundControl or MAVSDK; `msggen command` sends single commands"
+_MISSIONS = (
+    "PX4's own missions and fences go over MAVLink, with QGroundControl or MAVSDK; `msggen mission check` checks "
+    "mission files, which programs fly (docs/missions.md)"
+)
 
 _NO_QOS = "leave it out: there is no QoS between msggen and PX4, and every sample that arrives is taken"
 _QOS = tuple(f"--qos-{name}" for name in ("profile", "depth", "history", "reliability", "durability", "liveliness"))
@@ -69,7 +72,7 @@ COMMANDS: Mapping[str, str] = {
     "offboard": "`flight.offboard()` in a program (docs/flight.md), or `msggen topic pub`",
     "mode": _MODES,
     "modes": _MODES,
-    "mission": _MISSIONS,
+    "missions": _MISSIONS,
     "geofence": _MISSIONS,
     "params": _PARAMETERS,
     # pyulog

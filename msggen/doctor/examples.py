@@ -24,6 +24,7 @@ from msggen.doctor.observation import (
 )
 from msggen.link.link import Client, Remote, Route, Statistics
 from msggen.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
+from msggen.messages.measurements import NED, PARTS
 from msggen.messages.names import uorb_name
 from msggen.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD
 from msggen.messages.vehicle_types import ROTARY_WING
@@ -118,6 +119,7 @@ _PROGRAM, _OTHER = ProgramSeen("offboard.py", 4713, 250, 50.0), ProgramSeen("tel
 _MODE, _SETPOINT = "/fmu/in/offboard_control_mode", "/fmu/in/trajectory_setpoint"
 _ATTITUDE_SETPOINT = "/fmu/in/vehicle_attitude_setpoint_v1"
 _ACK, _FLAGS, _PLACE = "/fmu/out/vehicle_command_ack", "/fmu/out/failsafe_flags", "/fmu/out/vehicle_local_position"
+_SEES, _FUSED = "/fmu/in/vehicle_visual_odometry", "/fmu/out/estimator_status_flags"
 _STEERED_ROUTES = (
     *_ROUTES,
     *(
@@ -130,6 +132,8 @@ _STEERED_ROUTES = (
                 _ACK: "VehicleCommandAck",
                 _FLAGS: "FailsafeFlags",
                 _PLACE: "VehicleLocalPosition",
+                _SEES: "VehicleOdometry",
+                _FUSED: "EstimatorStatusFlags",
             }.items(),
             400,
         )
@@ -148,6 +152,7 @@ _STEERED_VALUES: Mapping[str, Mapping[str, Any]] = {
     },
     _FLAGS: {"mode_req_offboard_signal": 1 << OFFBOARD, "mode_req_local_position": 1 << OFFBOARD, "battery_warning": 0},
     _PLACE: {"xy_valid": True, "z_valid": True, "v_xy_valid": True, "v_z_valid": True, "z": -5.0},
+    _FUSED: {part.flag: False for part in PARTS} | {"cs_tilt_align": True, "cs_yaw_align": True},
 }
 
 
@@ -184,7 +189,7 @@ def _steered(inputs: Mapping[str, InputSeen] | None = None, **values: Mapping[st
     )
     vehicle = _VEHICLE._replace(
         routes=_STEERED_ROUTES,
-        topics={**_VEHICLE.topics, **dict.fromkeys((_FLAGS, _PLACE), _TOPIC)},
+        topics={**_VEHICLE.topics, **dict.fromkeys((_FLAGS, _PLACE, _FUSED), _TOPIC)},
         inputs=_INPUTS if inputs is None else inputs,
         states=samples if ack is None else {**samples, _ACK: (_sample(ack, 2.0),)},
     )
@@ -194,8 +199,25 @@ def _steered(inputs: Mapping[str, InputSeen] | None = None, **values: Mapping[st
 STEERED = _steered()
 """A vehicle in Offboard mode that follows the setpoints of a program. Nothing is found in it."""
 _DISARMED = {"arming_state": DISARMED}
+_SEEN_PLACE = {
+    "timestamp_sample": _NOW // 1000 - 50_000,
+    "position": (0.0, 0.0, -5.0),
+    "pose_frame": NED,
+    "velocity": (_NAN,) * 3,
+    "q": (_NAN,) * 4,
+}
+
+
+def _sees(values: Mapping[str, Any], **others: Any) -> Case:
+    """Return the case of a vehicle that is steered, and gets measurements."""
+    return _steered({**_INPUTS, _SEES: _input({**_SEEN_PLACE, **values}, **others)})
+
 
 _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
+    "MEASUREMENT_DROPPED": lambda: _sees({"position": (1.0, 2.0, _NAN)}),
+    "MEASUREMENT_TIME": lambda: _sees({"timestamp_sample": _NOW // 1000 - 420_000}),
+    "MEASUREMENT_SLOW": lambda: _sees({}, rate=3.0),
+    "MEASUREMENT_UNFUSED": lambda: _sees({}),
     "INPUT_UNPUBLISHED": lambda: _steered({})._replace(wanted=("trajectory_setpoint",)),
     "INPUT_UNREADABLE": lambda: _steered(
         {

@@ -22,6 +22,7 @@ _MARGIN_S = 1.0
 """How long before the watch a client may have been heard last. PX4's client sends once a second at least."""
 _MOST_GONE = 100
 _STATES = {
+    "estimator_status_flags",
     "failsafe_flags",
     "timesync_status",
     "vehicle_command_ack",

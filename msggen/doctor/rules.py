@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
 from msggen.doctor import connecting, naming, release, samples
-from msggen.doctor.setpoint_rules import SETPOINT
+from msggen.doctor.setpoint_rules import MEASUREMENT, SETPOINT
 
 DOCTOR = (
     Rule(
@@ -270,6 +270,7 @@ DOCTOR = (
         "the link is too slow. Only topics that PX4 publishes at 100 Hz and more are judged: those that were named, "
         "or most of them.",
     ),
+    *MEASUREMENT,
     *SETPOINT,
 )
 """The rules."""

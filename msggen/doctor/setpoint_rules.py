@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import commands, not_following, setpoints
+from msggen.doctor import commands, measurements, not_following, setpoints
 from msggen.messages.setpoints import KINDS, SELECTORS
 
 
@@ -11,6 +11,46 @@ def _setpoints_of(field: str) -> str:
     """Return a field of OffboardControlMode with the topics that it selects."""
     return f"{field} ({' or '.join(' and '.join(kind.topics) for kind in KINDS if field in kind.selectors)})"
 
+
+MEASUREMENT = (
+    Rule(
+        "MEASUREMENT_DROPPED",
+        "a measurement has values that EKF2 drops without a word",
+        Category.MEASUREMENT,
+        measurements.find_dropped,
+        fix="A position or velocity counts only with three finite numbers and a known frame, and an attitude only as a"
+        " unit quaternion, w first. Give 0 and a large variance for an axis that is not measured. What is not "
+        "measured at all is NaN.",
+    ),
+    Rule(
+        "MEASUREMENT_TIME",
+        "measurements are too old, in the future, or too near to each other",
+        Category.MEASUREMENT,
+        measurements.find_wrong_times,
+        fix="Set `timestamp_sample` to the time at which the picture was taken, in us of the agent's computer, and "
+        "send the measurement within 0.2 s. EKF2 uses nothing that is older than 0.3 s. EKF2_EV_DELAY is for a "
+        "delay that is always the same and that `timestamp_sample` does not contain.",
+    ),
+    Rule(
+        "MEASUREMENT_SLOW",
+        "measurements arrive at less than 5 Hz",
+        Category.MEASUREMENT,
+        measurements.find_slow,
+        fix="Send 10 to 50 measurements a second. EKF2 does not start with two that are more than 0.2 s apart, and "
+        "ends after 0.4 s without one.",
+    ),
+    Rule(
+        "MEASUREMENT_UNFUSED",
+        "measurements are good, and EKF2 does not use them",
+        Category.MEASUREMENT,
+        measurements.find_unfused,
+        fix="Set EKF2_EV_CTRL to the sum of 1 (horizontal position), 2 (height), 4 (velocity) and 8 (yaw): it is 0 "
+        "from v1.16 on. For aux_global_position, set EKF2_AGP_CTRL to 1; in v1.18, EKF2_AGP0_CTRL to 1 and "
+        "EKF2_AGP0_ID to the `id` of the message, and restart PX4. A position in NED needs a heading from a "
+        "magnetometer or GPS. If EKF2 rejects measurements, raise their variance.",
+    ),
+)
+"""Those about measurements, which can be the cause of a missing position."""
 
 SETPOINT = (
     Rule(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from msggen.flight.answering import Check
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.checks import Problem, Severity
+from msggen.flight.checks import Health, Problem, Severity
 from msggen.flight.errors import (
     FlightError,
     LimitError,
@@ -20,11 +21,13 @@ from msggen.flight.errors import (
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
+from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
+from msggen.messages.events import Component
 from msggen.messages.setpoints import (
     ACTUATORS,
     ATTITUDE,
@@ -34,7 +37,7 @@ from msggen.messages.setpoints import (
     ROVER,
     ROVER_POSITION,
     ROVER_THROTTLE,
-    THRUST_TORQUE,
+    THRUST_AND_TORQUE,
     TRAJECTORY,
 )
 
@@ -49,19 +52,24 @@ __all__ = [
     "ROVER",
     "ROVER_POSITION",
     "ROVER_THROTTLE",
-    "THRUST_TORQUE",
+    "THRUST_AND_TORQUE",
     "TRAJECTORY",
     "BlockingFlight",
+    "Check",
+    "Component",
     "Deferral",
     "Executor",
     "Flight",
     "FlightError",
+    "Fusion",
     "GlobalPlace",
+    "Health",
     "Keeps",
     "LimitError",
     "Limits",
     "Mode",
     "NoAnswerError",
+    "NotFusedError",
     "NotReachedError",
     "Problem",
     "RefusedError",

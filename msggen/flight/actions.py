@@ -64,8 +64,10 @@ class Actions(Hinted):
         await self._send(commands.ARM_DISARM, 0.0, 0.0, what="disarm", shown=is_disarmed)
         await self._until(is_disarmed, "disarmed")
 
-    async def takeoff(self, altitude: float | None = None) -> None:
+    async def takeoff(self, altitude: float | None = None, *, above_sea: float | None = None) -> None:
         """Take off, and return at an altitude in m above the ground, by default MIS_TAKEOFF_ALT.
+
+        `above_sea` is an altitude in m above mean sea level instead.
 
         PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD), on wings within 10 m (NAV_FW_ALT_RAD). In the air,
         the altitude is above home. A vehicle that is as high already stays there, so a program that is started again
@@ -74,18 +76,26 @@ class Actions(Hinted):
         Raises ValueError, LimitError, UnsupportedError for a rover, FlightError if the vehicle is not armed or a
         failsafe flies it, RefusedError, NoAnswerError and NotReachedError.
         """
+        if altitude is not None and above_sea is not None:
+            raise ValueError("expected altitude or above_sea, got both")
         if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
             raise ValueError(f"expected an altitude above the ground, got {altitude:g} m")
-        await self._check_armed("take off")
-        if self._is(is_rover):
-            raise UnsupportedError("a rover does not take off: arm it, and let it drive in a mode")
+        finite([] if above_sea is None else [above_sea], "an altitude")
+        await self._check_can_take_off()
         is_flying = self._is_flying()
-        sea = goal = math.nan
-        if altitude is not None:
+        sea = goal = height = math.nan
+        if altitude is not None or above_sea is not None:
             sea = await sea_level(self._feeds)
             height = self._feeds["vehicle_local_position"].latest.z
+        if altitude is not None:
             goal = (self._fence.ground if is_flying else height) - altitude
-        if is_flying and (altitude is None or height <= goal + self._near):
+        elif above_sea is not None:
+            goal = sea - above_sea
+            if not is_flying and goal >= height:
+                raise ValueError(
+                    f"expected an altitude above the ground, which is at {sea - height:.0f} m, got {above_sea:g} m"
+                )
+        if is_flying and (math.isnan(goal) or height <= goal + self._near):
             LOGGER.info("no takeoff: the vehicle is in the air")
             return
         await self._check_takeoff(goal)
@@ -95,6 +105,12 @@ class Actions(Hinted):
         except NotReachedError:
             if not self._is_up(goal):  # the message that tells the end was lost
                 raise
+
+    async def _check_can_take_off(self) -> None:
+        """Raise FlightError if the vehicle is not armed, and UnsupportedError for a rover."""
+        await self._check_armed("take off")
+        if self._is(is_rover):
+            raise UnsupportedError("a rover does not take off: arm it, and let it drive in a mode")
 
     async def _check_armed(self, what: str) -> None:
         """Raise FlightError if the vehicle is not armed."""

@@ -9,10 +9,10 @@ from msggen.flight.sending import Sends
 from msggen.flight.setpoints import in_range
 from msggen.flight.space import three
 from msggen.flight.usage import MOTORS, THRUSTS, explained
-from msggen.messages.setpoints import ACTUATORS, THRUST_TORQUE
+from msggen.messages.setpoints import ACTUATORS, THRUST_AND_TORQUE
 
 _MOTORS, _SERVOS = ACTUATORS.topics
-_THRUST, _TORQUE = THRUST_TORQUE.topics
+_THRUST, _TORQUE = THRUST_AND_TORQUE.topics
 
 
 class Actuated(Sends):
@@ -67,4 +67,4 @@ class Actuated(Sends):
             for value in three(vector):
                 in_range(value, -1.0, f"a {what}")
         # the thrust first: PX4 shares them out when the torque arrives
-        self._own.send_each(THRUST_TORQUE, {_THRUST: {"xyz": three(thrust)}, _TORQUE: {"xyz": three(torque)}})
+        self._own.send_each(THRUST_AND_TORQUE, {_THRUST: {"xyz": three(thrust)}, _TORQUE: {"xyz": three(torque)}})

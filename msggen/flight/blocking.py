@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
-from msggen.flight.blocking_calls import FlightCalls, OffboardCalls, TelemetryCalls, Waits
+from msggen.flight.blocking_calls import FlightCalls, MeasurementsCalls, OffboardCalls, TelemetryCalls, Waits
 from msggen.flight.errors import FlightError
 from msggen.flight.flight import Flight
+from msggen.flight.measurements import Fusion, Measurements, Measuring, Sample
 from msggen.flight.offboard import Offboard
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
 from msggen.flight.space import Frame
@@ -73,6 +74,11 @@ class BlockingFlight(FlightCalls):
     def telemetry(self) -> BlockingTelemetry:
         """The telemetry of the vehicle."""
         return BlockingTelemetry(self._own.telemetry, self._wait)
+
+    @property
+    def measure(self) -> BlockingMeasurements:
+        """The measurements for the estimator of the vehicle."""
+        return BlockingMeasurements(self._own.measure, self._wait)
 
     @property
     def is_armed(self) -> bool:
@@ -161,6 +167,36 @@ class BlockingTelemetry(_Inside, TelemetryCalls):
     @property
     def _own(self) -> Telemetry:
         return self._telemetry
+
+
+class BlockingMeasurements(_Inside, MeasurementsCalls, Measuring):
+    """The measurements for the estimator of a vehicle, as in `Measurements`."""
+
+    def __init__(self, measure: Measurements, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
+        super().__init__(wait)
+        self._measure = measure
+
+    @property
+    def _own(self) -> Measurements:
+        return self._measure
+
+    @property
+    def time(self) -> int:
+        """See `Measurements.time`."""
+        return self._measure.time
+
+    @property
+    def state(self) -> tuple[Fusion, ...]:
+        """See `Measurements.state`."""
+        return self._measure.state
+
+    def _send(self, sample: Sample) -> bool:
+        stamped = sample if sample.time is not None else sample._replace(time=self.time)
+
+        async def send() -> bool:
+            return self._measure._send(stamped)  # noqa: SLF001 - the same method, in the thread of the flight
+
+        return bool(self._wait(send()))
 
 
 class BlockingOffboard(_Inside, OffboardCalls, Steered):

@@ -1,6 +1,6 @@
 """The calls of flights for programs without asyncio.
 
-`python docs/write_blocking.py` writes this file from `Flight`, `Telemetry` and `Offboard`.
+`python docs/write_blocking.py` writes this file from `Flight`, `Telemetry`, `Offboard` and `Measurements`.
 """
 
 from __future__ import annotations
@@ -9,10 +9,13 @@ import math
 from collections.abc import Coroutine, Mapping, Sequence
 from typing import Any, TypeVar
 
+from msggen.flight.answering import Check
 from msggen.flight.elsewhere import Hinted
+from msggen.flight.equipment import Airspeed, Sticks, VehicleKind, Vtol, Wind
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Condition
 from msggen.flight.flight import Flight
+from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard
 from msggen.flight.places import GlobalPlace
@@ -46,9 +49,9 @@ class FlightCalls(Waits):
         """See `Flight.disarm`."""
         self._wait(self._own.disarm())
 
-    def takeoff(self, altitude: float | None = None) -> None:
+    def takeoff(self, altitude: float | None = None, *, above_sea: float | None = None) -> None:
         """See `Flight.takeoff`."""
-        self._wait(self._own.takeoff(altitude))
+        self._wait(self._own.takeoff(altitude, above_sea=above_sea))
 
     def land(self) -> None:
         """See `Flight.land`."""
@@ -129,7 +132,7 @@ class FlightCalls(Waits):
         """See `Flight.wait_for_status`."""
         self._wait(self._own.wait_for_status(condition, seconds))
 
-    def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
+    def add(self, *parts: type[Mode | Executor | Check] | Mode | Executor | Check) -> None:
         """See `Flight.add`."""
         self._wait(self._own.add(*parts))
 
@@ -169,6 +172,26 @@ class TelemetryCalls(Waits):
         """See `Telemetry.land`."""
         return self._wait(self._own.land())
 
+    def sticks(self) -> Sticks:
+        """See `Telemetry.sticks`."""
+        return self._wait(self._own.sticks())
+
+    def airspeed(self) -> Airspeed:
+        """See `Telemetry.airspeed`."""
+        return self._wait(self._own.airspeed())
+
+    def wind(self) -> Wind:
+        """See `Telemetry.wind`."""
+        return self._wait(self._own.wind())
+
+    def vtol(self) -> Vtol:
+        """See `Telemetry.vtol`."""
+        return self._wait(self._own.vtol())
+
+    def vehicle(self) -> VehicleKind:
+        """See `Telemetry.vehicle`."""
+        return self._wait(self._own.vehicle())
+
 
 class OffboardCalls(Waits):
     """The coroutines of `Offboard` as calls that return when they are done."""
@@ -187,3 +210,15 @@ class OffboardCalls(Waits):
     def position(self) -> Vector:
         """See `Offboard.position`."""
         return self._wait(self._own.position())
+
+
+class MeasurementsCalls(Waits):
+    """The coroutines of `Measurements` as calls that return when they are done."""
+
+    @property
+    def _own(self) -> Measurements:
+        raise NotImplementedError
+
+    def fused(self, timeout: float = 5.0) -> None:
+        """See `Measurements.fused`."""
+        self._wait(self._own.fused(timeout))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
+from msggen.base.diagnostics import suggestion
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.feeds import Feeds
 from msggen.flight.requirements import Requirement
+from msggen.messages.events import COMPONENT, SIZE, Component, event_id, packed
 
 _MOST_AT_ONCE = 4
 """How many replies PX4's queue holds before v1.18."""
@@ -24,7 +27,6 @@ _MOST_LOST = 3
 """How many overdue requests in a row are answered."""
 _NUMBERS = 256
 _MOST_EVENTS = 5
-_EVENT_SIZE = 25
 
 
 class Severity(IntEnum):
@@ -39,15 +41,30 @@ class Severity(IntEnum):
     INFO = 6
 
 
-class Problem(NamedTuple):
-    """An unmet condition of a program. While there is one, PX4 does not enter the mode, or leaves it.
+@dataclass(frozen=True)
+class Problem:
+    """An unmet condition of a program: of a mode, which PX4 then does not enter, or leaves; or of a check.
 
     A ground station shows a text only if its event metadata contains the id of `event`.
+
+    Raises TypeError and ValueError for what an event cannot have.
     """
 
     event: str
     """The name of the event, such as `my_mode_no_target`."""
     severity: Severity = Severity.ERROR
+    arguments: Sequence[tuple[str, float]] = ()
+    """The arguments of the event: each a type of event metadata, such as `uint8_t` or `float`, and a value. 20 bytes
+    at most. In the metadata, two arguments of PX4 come before them: a `uint32_t` with modes, a `uint8_t` with the
+    component."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.event, str):
+            raise TypeError(f'expected the name of an event, such as "my_mode_no_target", got {self.event!r}')
+        if not isinstance(self.severity, Severity):
+            raise TypeError(f"expected a Severity, such as Severity.WARNING, got {self.severity!r}")
+        event_id(self.event)
+        packed(self.arguments)
 
     @property
     def number(self) -> int:
@@ -55,12 +72,26 @@ class Problem(NamedTuple):
         return event_id(self.event)
 
 
-def event_id(name: str) -> int:
-    """Return the id of an event from its name: the lower 24 bits of the FNV-1a hash, and component 1."""
-    found = 0x811C9DC5
-    for octet in name.encode():
-        found = (found ^ octet) * 0x01000193 & 0xFFFFFFFF
-    return found & 0xFFFFFF | 1 << 24
+@dataclass(frozen=True)
+class Health:
+    """The health of a component of the vehicle, for ground stations. PX4 reports it, and does nothing else with it.
+
+    Raises TypeError for what is no Component.
+    """
+
+    component: Component
+    is_present: bool = True
+    has_warning: bool = False
+    has_error: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.component, Component):
+            name = self.component.upper() if isinstance(self.component, str) else ""
+            nearest = suggestion(name, Component.__members__)
+            raise TypeError(f"expected a Component, such as Component.PAYLOAD, got {self.component!r}{nearest}")
+
+
+_NO_HEALTH: Final = Health(Component.NONE, is_present=False)
 
 
 class Verdict(NamedTuple):
@@ -69,6 +100,7 @@ class Verdict(NamedTuple):
     can_run: bool = True
     requires: Requirement = Requirement.NONE
     problems: Sequence[Problem] = ()
+    health: Health | None = None
 
 
 class Answers:
@@ -139,11 +171,16 @@ class Answers:
         if verdict is None:
             return
         found = verdict()
-        events = [self._event(each) for each in found.problems[:_MOST_EVENTS]]
+        health = found.health or _NO_HEALTH
+        events = [self._event(each, health.component) for each in found.problems[:_MOST_EVENTS]]
         reply = filled(
             self._class,
             request_id=number,
             registration_id=check,
+            health_component_index=health.component,
+            health_component_is_present=bool(health.is_present),
+            health_component_warning=bool(health.has_warning),
+            health_component_error=bool(health.has_error),
             can_arm_and_run=found.can_run and not found.problems,
             num_events=len(events),
             **dict.fromkeys(found.requires.fields, True),
@@ -151,7 +188,8 @@ class Answers:
         reply.events = (*events, *reply.events[len(events) :])
         self._connection.publish("arming_check_reply", reply)
 
-    def _event(self, problem: Problem) -> Any:
+    def _event(self, problem: Problem, component: Component) -> Any:
         cls = type(self._class().events[0])
         levels = problem.severity << 4 | problem.severity  # for the log, and for ground stations
-        return cls(id=problem.number, log_levels=levels, arguments=bytes(_EVENT_SIZE))
+        arguments = bytes([*bytes(COMPONENT), component]) + packed(problem.arguments)
+        return cls(id=problem.number, log_levels=levels, arguments=arguments.ljust(SIZE, b"\0"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from inspect import iscoroutinefunction
 from typing import get_args
 
+from msggen.flight.answering import Check
 from msggen.flight.errors import RegistrationError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.limits import Limits
@@ -45,6 +46,16 @@ def check_executor(executor: Executor) -> None:
         raise RegistrationError(
             f"{executor.mode.name}: a mode that replaces a PX4 mode cannot have an executor, which is never in charge"
         )
+
+
+def check_check(check: Check) -> None:
+    """Raise RegistrationError for a check whose class is wrong, or which another flight has registered."""
+    what = f"check {check.name!r}"
+    if check.is_registered:
+        raise RegistrationError(f"{what} is registered already: each flight needs an object of its own")
+    method = type(check).problems
+    if method is Check.problems or iscoroutinefunction(method):
+        raise RegistrationError(f"{what} needs a method `def problems(self)`")
 
 
 def _check_method(part: object, base: type, name: str, what: str) -> None:

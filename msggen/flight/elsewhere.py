@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dis import opmap
 from types import FrameType, MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.base.diagnostics import suggestion
 
+_CONNECTED = "`async with Flight(address) as flight`"
 _ACTIONS = "a method of the flight: `await flight.arm()`"
 _OFFBOARD = "`async with flight.offboard() as setpoint`"
 _VELOCITY = "`setpoint.trajectory(velocity=...)`"
+_REASONS = "`arm`, which raises RefusedError with the reasons"
 _TELEMETRY = "`flight.telemetry`"
 _SETPOINT = "a method of Mode: `self.trajectory(...)`"
 
@@ -22,6 +24,8 @@ IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
         "NodeWithModeExecutor": "`Flight`",
         "ModeBase": "`Mode`",
         "ModeExecutorBase": "`Executor`",
+        "HealthAndArmingChecks": "`Check`",
+        "HealthAndArmingCheckReporter": "the `problems` and the `health` that a Mode or a Check returns",
         "Settings": "attributes of a Mode: `name`, `replaces`, `is_selectable`, `flies_disarmed`",
         "MulticopterGotoSetpointType": "a method of Mode: `await self.goto(...)`",
         "MulticopterGotoGlobalSetpointType": "a method of Mode: `await self.goto(GlobalPlace(...))`",
@@ -31,12 +35,31 @@ IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
         "OdometryLocalPosition": _TELEMETRY,
         "OdometryGlobalPosition": _TELEMETRY,
         "OdometryAttitude": _TELEMETRY,
+        "OdometryAirspeed": f"{_TELEMETRY}: `await airspeed()`",
+        "ManualControlInput": f"{_TELEMETRY}: `await sticks()`",
+        "VtolStatus": f"{_TELEMETRY}: `await vtol()`",
         "Battery": _TELEMETRY,
         "LandDetected": _TELEMETRY,
+        "LocalPositionMeasurementInterface": "`flight.measure.local(...)`",
+        "GlobalPositionMeasurementInterface": "`flight.measure.on_earth(...)`",
         "HomePositionSetter": "`flight.set_home`, `flight.set_origin`",
         "RequirementFlags": "`Requirement`",
+        "Mavsdk": _CONNECTED,
+        "Configuration": _CONNECTED,
+        "ComponentType": _CONNECTED,
+        "Action": f"`BlockingFlight`, and {_ACTIONS}",
+        "ActionAsync": _ACTIONS,
+        "Telemetry": f"`BlockingFlight`, and {_TELEMETRY}",
+        "TelemetryAsync": _TELEMETRY,
+        "Offboard": f"`BlockingFlight`, and {_OFFBOARD}",
+        "OffboardAsync": _OFFBOARD,
         "PositionNedYaw": _OFFBOARD,
+        "PositionGlobalYaw": _OFFBOARD,
         "VelocityNedYaw": _OFFBOARD,
+        "VelocityBodyYawspeed": _OFFBOARD,
+        "AccelerationNed": _OFFBOARD,
+        "MavsdkError": "`FlightError`",
+        "MavsdkConnectionError": "`FlightError`",
         "OffboardError": "`FlightError`",
         "ActionError": "`FlightError`",
     }
@@ -52,6 +75,8 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "setSetpointUpdateRate": "the rate of the kind of setpoint",
         "modeRequirements": "`requires`",
         "checkArmingAndRunConditions": "`problems`",
+        "armingCheckFailureExt": "a Problem that `problems` returns",
+        "setHealth": "the Health that `health` returns",
         "scheduleMode": "`await self.fly(mode)`",
         "waitUntilDisarmed": "`await self.wait_disarmed()`",
         "waitReadyToArm": "`await self.arm()`, which raises RefusedError with the reasons",
@@ -73,6 +98,10 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "set_position_ned": "`await setpoint.goto(...)`",
         "set_velocity_ned": _VELOCITY,
         "set_velocity_body": f"{_VELOCITY}, in NED or ENU",
+        "set_position_global": "`await setpoint.goto(GlobalPlace(...))`",
+        "set_acceleration_ned": "`setpoint.trajectory(acceleration=...)`",
+        "set_position_velocity_ned": "`setpoint.trajectory(position=..., velocity=...)`",
+        "set_position_velocity_acceleration_ned": "`setpoint.trajectory(position=..., velocity=..., acceleration=...)`",
         "set_attitude": "`self.attitude(...)` in a Mode",
         "set_attitude_rate": "`self.rates(...)` in a Mode",
         "position": "`await global_position()` or `await local_position()`",
@@ -83,11 +112,23 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "landed_state": "`await land()`, whose `is_landed` tells",
         "armed": "`is_armed` of the flight",
         "flight_mode": "`mode` of the flight",
-        "health": "`arm`, which raises RefusedError with the reasons",
-        "connect": "`async with Flight(address) as flight`",
-        "core": "`async with Flight(address) as flight`",
+        "health": _REASONS,
+        "health_all_ok": _REASONS,
+        "velocity_ned": "`await local_position()`",
+        "rc_status": "`await sticks()`",
+        "fixedwing_metrics": "`await airspeed()`",
+        "vtol_state": "`await vtol()`",
+        "set_gps_global_origin": "`set_origin(latitude=..., longitude=..., altitude=...)`",
+        "connect": _CONNECTED,
+        "core": _CONNECTED,
+        "add_any_connection": _CONNECTED,
+        "first_autopilot": _CONNECTED,
+        "on_new_system": _CONNECTED,
         "mission": "missions go over MAVLink, which msggen does not use",
         "param": "parameters go over MAVLink, which msggen does not use",
+        "mocap": "`flight.measure`",
+        "set_vision_position_estimate": "`flight.measure.local(...)`",
+        "set_odometry": "`flight.measure.local(...)`",
         "camera": "cameras go over MAVLink, which msggen does not use",
     }
 )
@@ -96,10 +137,19 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
 
 def told(owner: str, name: str, known: Iterable[str], counterparts: Mapping[str, str] = ATTRIBUTES) -> str:
     """Return the error of a name that `owner` does not have, with its counterpart or the nearest name in `known`."""
-    meant = counterparts.get(name) or counterparts.get(_camel(name))
+    known = {*known}
+    meant = counterparts.get(name) or counterparts.get(_camel(name)) or _of_mavsdk(name, known)
     if meant is not None:
         return f"{owner} has no {name!r}: in msggen, it is {meant}"
     return f"{owner} has no {name!r}{suggestion(name, [each for each in known if not each.startswith('_')])}"
+
+
+def _of_mavsdk(name: str, known: Container[str]) -> str | None:
+    """Return what a method is that MAVSDK 4 makes of another one: `subscribe_battery`, and `arm_async` of `arm`."""
+    if name.startswith("subscribe_"):
+        return "a function that is called for each message: `flight.feeds[topic].call(function)`"
+    plain = name.removesuffix("_async")
+    return f"`await {plain}(...)`" if plain != name and plain in known else None
 
 
 def is_import(frame: FrameType) -> bool:

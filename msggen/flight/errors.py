@@ -12,6 +12,9 @@ from msggen.messages.commands import REFUSALS
 class FlightError(Exception):
     """The vehicle cannot do, or has not done, what the program asked for."""
 
+    is_handled = False
+    """Whether an executor that ends with it has seen to the vehicle already. Otherwise, the vehicle returns home."""
+
 
 class UnsupportedError(FlightError):
     """The firmware or the vehicle lacks a feature. The text names the release that has it, or another cure."""

@@ -35,8 +35,8 @@ class Executor(Hinted):
     `run` starts again.
     """
 
-    mode: ClassVar[type[Mode]]
-    """The mode that a user selects to start the executor. `run` need not fly it."""
+    mode: ClassVar[type[Mode] | Mode]
+    """The mode that a user selects to start the executor, as a class or an object. `run` need not fly it."""
     starts: ClassVar[Start] = "armed"
     is_resumed: bool = False
     """Whether it continues the flight of an earlier program that was killed: the vehicle may be in the air."""
@@ -59,9 +59,9 @@ class Executor(Hinted):
         """See `Actions.disarm`."""
         await self._actions.disarm()
 
-    async def takeoff(self, altitude: float | None = None) -> None:
+    async def takeoff(self, altitude: float | None = None, *, above_sea: float | None = None) -> None:
         """See `Actions.takeoff`. Afterwards, PX4 stays in Takeoff until the next mode."""
-        await self._actions.takeoff(altitude)
+        await self._actions.takeoff(altitude, above_sea=above_sea)
 
     async def land(self) -> None:
         """See `Actions.land`."""

@@ -9,6 +9,7 @@ from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
+from msggen.flight.answering import Check
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
@@ -17,9 +18,11 @@ from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
+from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
-from msggen.flight.registered import NEEDED, Part, Parts
+from msggen.flight.part import NEEDED, Part
+from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.space import Frame
@@ -45,7 +48,7 @@ _NEEDED: Final = (
 
 
 _NOT_BEGUN = "the flight has not begun: `async with Flight(...) as flight`"
-_OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "telemetry"})
+_OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "measure", "telemetry"})
 
 
 class Flight(Actions):
@@ -101,6 +104,7 @@ class Flight(Actions):
         parts = self._parts = Parts(connection, feeds, sender, fence, resume=self._resume)
         super().__init__(sender, feeds, fence, parts.replacements)
         self.telemetry = Telemetry(feeds)
+        self.measure = Measurements(connection, feeds)
         for need in _NEEDED:
             if need.direction == "out":
                 feeds[need.topic]
@@ -147,19 +151,25 @@ class Flight(Actions):
             self._parts.close()
         self._ending.close()
 
-    async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
-        """Register modes and executors, each as a class or an object. The mode of an executor is registered with it.
+    async def add(self, *parts: type[Mode | Executor | Check] | Mode | Executor | Check) -> None:
+        """Register modes, executors and checks, each as a class or an object. An executor comes with its mode.
 
         Raises RegistrationError, NoAnswerError, and UnsupportedError if the vehicle lacks messages or has other
         definitions of them.
         """
         made = [each() if isinstance(each, type) else each for each in parts]
-        executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
+        owned = [(each, _mode_of(each)) for each in made if isinstance(each, Executor)]
+        made += [mode for _, mode in owned if isinstance(mode, Mode) and mode not in made]
+        executors = {mode if isinstance(mode, type) else type(mode): each for each, mode in owned}
         given = {type(each): each for each in made if isinstance(each, Mode)}
-        if len(executors) + len(given) < len(made):
-            raise RegistrationError("expected one object of each mode and one executor for it: use subclasses")
-        modes = {owned: given.get(owned) or owned() for owned in executors} | given
-        await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
+        checks = {type(each): each for each in made if isinstance(each, Check)}
+        if len(executors) + len(given) + len(checks) < len(made):
+            raise RegistrationError(
+                "expected one object of each mode and one executor for it, and one object of each check: use subclasses"
+            )
+        modes = {cls: given.get(cls) or cls() for cls in executors} | given
+        added = [Part(mode, executors.get(cls)) for cls, mode in modes.items()]
+        await self._own.add(added + [Part(each) for each in checks.values()])
 
     async def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
         """Select a mode: by its name in PX4, such as `hold` or `position`, by its nav_state, or a registered mode.
@@ -250,8 +260,8 @@ def _is_executor(part: type[Mode | Executor] | Mode | Executor) -> TypeIs[type[E
     return issubclass(part if isinstance(part, type) else type(part), Executor)
 
 
-def _mode_of(executor: Executor) -> type[Mode]:
-    mode: type[Mode] | None = getattr(executor, "mode", None)
+def _mode_of(executor: Executor) -> type[Mode] | Mode:
+    mode: type[Mode] | Mode | None = getattr(executor, "mode", None)
     if mode is None:
         name = type(executor).__name__
         raise RegistrationError(f"executor {name} has no mode: set its `mode`, which users select to start it")

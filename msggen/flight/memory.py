@@ -1,7 +1,7 @@
-"""The ids of modes in a folder of the user. A program can continue after it was killed, and two cannot fly one mode.
+"""The ids of modes and checks in a folder of the user, so that a program can continue after it was killed.
 
-There is a file for each vehicle and name. The program that flies the mode holds a lock. The modification time of the
-file, on the monotonic clock, is when the program last heard the vehicle.
+There is a file for each vehicle and name. The program that has registered it holds a lock, so that two cannot. The
+modification time of the file, on the monotonic clock, is when the program last heard the vehicle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import IO, Any, Final, NamedTuple
 from msggen.base.checked import UnexpectedError, field, parsed, real, row, text, truth, whole
 from msggen.base.disk.reading import read_bytes
 from msggen.flight.errors import RegistrationError
-from msggen.flight.registration import Ids
+from msggen.flight.registration import NONE, Ids
 from msggen.link.session_files import boot_id, is_own, records_folder, set_aside
 from msggen.messages.nav_states import EXTERNAL
 
@@ -205,7 +205,7 @@ def _check(value: Any) -> int:
 
 
 def _mode(value: Any) -> int:
-    return whole(value, EXTERNAL[0], EXTERNAL[-1])
+    return whole(value, *((NONE, NONE) if value == NONE else (EXTERNAL[0], EXTERNAL[-1])))
 
 
 def _executor(value: Any) -> int:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from msggen.flight import usage
 from msggen.flight.actuators import Actuated
-from msggen.flight.checks import Problem
+from msggen.flight.answering import Answering
 from msggen.flight.errors import FlightError, UnsupportedError
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
@@ -21,7 +21,7 @@ from msggen.flight.rovers import Driven
 from msggen.flight.sending import Registered
 from msggen.flight.setpoints import finite, in_range
 from msggen.flight.space import Vector, heading_of, turned, turned_heading
-from msggen.flight.telemetry import is_estimate, no_estimate, valid_estimate
+from msggen.flight.telemetry import Telemetry, is_estimate, no_estimate, valid_estimate
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
 from msggen.flight.vtol import TRANSITION
@@ -32,13 +32,12 @@ _UNIT = 0.01
 """By how much the length of a quaternion may differ from 1."""
 
 
-class Mode(Steered, Winged, Driven, Actuated):
+class Mode(Answering, Steered, Winged, Driven, Actuated):
     """A flight mode. A subclass sets the name, and defines the method `fly`.
 
     Pilots see `name`. PX4 keeps a slot for each name, so that a switch on a transmitter always selects the same mode.
     """
 
-    name: ClassVar[str]
     requires: ClassVar[Requirement] = Requirement.NONE
     """The requirements of the mode, besides those of its setpoints."""
     setpoints: ClassVar[tuple[Kind, ...]] = (GOTO, TRAJECTORY)
@@ -57,10 +56,6 @@ class Mode(Steered, Winged, Driven, Actuated):
     """What PX4 leaves unchanged while the mode is active."""
     _active: Registered | None = None
 
-    def __init_subclass__(cls, name: str = "", **options: Any) -> None:
-        super().__init_subclass__(**options)
-        cls.name = name or cls.__dict__.get("name") or cls.__name__
-
     async def fly(self) -> None:
         """Fly, once the mode is selected and the vehicle is armed. `fly` is cancelled when the mode is left.
 
@@ -70,14 +65,12 @@ class Mode(Steered, Winged, Driven, Actuated):
         """
         raise NotImplementedError
 
-    def problems(self) -> Sequence[Problem]:
-        """Return the unmet conditions of the mode. It is called several times a second, and must return at once.
-
-        While there are any, PX4 does not enter the mode, or leaves it.
-        """
-        return ()
-
     # Where the vehicle is
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The telemetry of the vehicle, such as `await self.telemetry.sticks()`. Its places are in NED."""
+        return Telemetry(self._own.feeds)
 
     async def position(self) -> Vector:
         """Return the place of the vehicle in m, relative to the origin of its local frame. Raises NoAnswerError."""
@@ -205,9 +198,9 @@ class Mode(Steered, Winged, Driven, Actuated):
         return self._own.overrides.deferring(seconds)
 
     @property
-    def is_registered(self) -> bool:
-        """Whether a flight has registered it."""
-        return self._active is not None
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle: it is selected, and the vehicle is armed."""
+        return self._active is not None and self._active.is_active
 
     @property
     def _own(self) -> Registered:

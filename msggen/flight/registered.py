@@ -1,100 +1,51 @@
-"""The modes and executors of a program: registering, registering again after a restart, and unregistering them."""
+"""The modes, executors and checks of a program: registering, registering again after a restart, and unregistering."""
 
 from __future__ import annotations
 
 import asyncio
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from contextlib import suppress
 from logging import getLogger
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 from msggen.flight.actions import Actions
+from msggen.flight.answering import Active, Answering, Check
 from msggen.flight.checks import Answers
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection, Topics
-from msggen.flight.declared import check_executor, check_mode
+from msggen.flight.declared import check_check, check_executor, check_mode
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
-from msggen.flight.link import LinkConnection, Need
+from msggen.flight.link import LinkConnection
 from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides, check_overrides
-from msggen.flight.registration import ARMED, Ids, Registrar, Wanted
+from msggen.flight.part import Part, needed_topics
+from msggen.flight.registration import ARMED, NONE, ArmedError, Ids, Registrar
 from msggen.flight.restarts import Restarts
-from msggen.flight.resuming import FRESH, Resuming
+from msggen.flight.resuming import FRESH, Resuming, is_asked
 from msggen.flight.running_executor import Charge
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.states import is_armed, is_disarmed, name_of
 from msggen.messages.commands import OF_EXECUTOR
-from msggen.messages.setpoints import SENT
 
 LOGGER = getLogger("msggen.flight")
 _READY = 1.0
-"""The time in s to wait until the vehicle has read the first reply of a mode: it asks every 0.3 s."""
+"""The time in s to wait until the vehicle has read the first reply: it asks every 0.3 s."""
+_READ = 0.1
+"""The time in s within which the vehicle reads a reply."""
 _APART = 0.02
 """The time in s between two unregistrations: PX4's queue holds one, and PX4 reads it within 10 ms."""
 _AGAIN = 1.0
-_ALWAYS: Final = (
-    Need("in", "register_ext_component_request"),
-    Need("out", "register_ext_component_reply"),
-    Need("in", "unregister_ext_component"),
-    Need("out", "arming_check_request"),
-    Need("in", "arming_check_reply"),
-    Need("in", "mode_completed"),
-)
-_CONFIGURATION: Final = (
-    Need("in", "setpoint_config"),
-    Need("out", "setpoint_config_reply"),
-    Need("in", "config_control_setpoints"),
-)
-"""Needed as far as the release has them."""
-_OF_EXECUTORS: Final = Need("in", "vehicle_command_mode_executor")
-NEEDED: Final = (
-    *_ALWAYS,
-    *_CONFIGURATION,
-    _OF_EXECUTORS,
-    *(Need("in", topic) for kind in SENT for topic in kind.topics),
-)
-"""All topics that modes and executors can need."""
-
-
-class Part(NamedTuple):
-    """A mode, and the executor that it belongs to."""
-
-    mode: Mode
-    executor: Executor | None
-
-    @property
-    def wanted(self) -> Wanted:
-        """The registration to request."""
-        mode, executor = self.mode, self.executor
-        return Wanted(
-            mode.name,
-            executor=executor is not None,
-            replaces=mode.replaces,
-            is_immediate=executor is not None and executor.starts == "registered",
-            is_selectable=mode.is_selectable,
-        )
-
-
-def _needs_of(connection: Connection, parts: list[Part]) -> Iterator[Need]:
-    """Yield the topics that modes and executors need."""
-    topics = Topics(connection.package)
-    yield from _ALWAYS
-    yield from (each for each in _CONFIGURATION if topics.has(*each))
-    for topic in {topic for part in parts for kind in part.mode.setpoints for topic in kind.topics}:
-        yield Need("in", topic)
-    if any(part.executor is not None for part in parts):
-        yield _OF_EXECUTORS
 
 
 class Parts:
-    """The modes and executors that a program has registered."""
+    """The modes, executors and checks that a program has registered."""
 
     def __init__(self, connection: Connection, feeds: Feeds, sender: Commands, fence: Fence, *, resume: bool) -> None:
         self.connection, self._feeds, self._commands, self._fence = connection, feeds, sender, fence
@@ -104,7 +55,7 @@ class Parts:
         self.replacements: dict[int, int] = {}
         """The nav_states of own modes that replace PX4 modes, by those of the PX4 modes."""
         self._parts: list[Part] = []
-        self._modes: dict[type[Mode], ActiveMode] = {}
+        self._active: dict[type[Answering], Active] = {}
         self._charges: list[Charge] = []
         self._answers: Answers | None = None
         self._restarts: Restarts | None = None
@@ -120,37 +71,47 @@ class Parts:
         for part in parts:
             self._check(part)
         if isinstance(self.connection, LinkConnection):
-            self.connection.check(_needs_of(self.connection, parts))
+            self.connection.check(needed_topics(self.connection, parts))
         added: list[Part] = []
         try:
             for part in parts:
-                await self._add(part)
+                try:
+                    await self._add(part)
+                except ArmedError:
+                    if not self._waits_for_landing(part.subject):
+                        raise
                 added.append(part)
         except BaseException:
             for part in added:
-                self._drop(part.mode)
+                self._drop(part.subject)
             raise
         self._parts += added
+        if any(type(part.subject) not in self._active for part in added):
+            self._renew()
 
     def _check(self, part: Part) -> None:
         """Raise an error before anything is sent."""
-        mode, executor = part.mode, part.executor
+        mode, executor = part.subject, part.executor
         if self._is_closed:
             raise FlightError("the flight has ended")
-        if any(each.mode.name == mode.name for each in self._parts):
-            raise RegistrationError(f"a mode with the name {mode.name!r} is registered already")
-        check_mode(mode, is_owned=executor is not None)
+        named = next((each.subject for each in self._parts if each.subject.name == mode.name), None)
+        if named is not None:
+            kind = "check" if isinstance(named, Check) else "mode"
+            raise RegistrationError(f"a {kind} with the name {mode.name!r} is registered already")
+        topics = Topics(self.connection.package)
+        if isinstance(mode, Check):
+            check_check(mode)
+        else:
+            check_mode(mode, is_owned=executor is not None)
+            check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
+            for topic in (topic for kind in mode.setpoints for topic in kind.topics):
+                topics.incoming(topic)
+            self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
+            check_overrides(topics, mode.keeps)
         if executor is not None:
             check_executor(executor)
-        self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
+            check_overrides(topics, executor.keeps)
         self._registrar.request(part.wanted)
-        topics = Topics(self.connection.package)
-        check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
-        for topic in (topic for kind in mode.setpoints for topic in kind.topics):
-            topics.incoming(topic)
-        for each in (mode, executor):
-            if each is not None:
-                check_overrides(topics, each.keeps)
 
     async def settle(self) -> None:
         """Wait until all unregistrations are sent."""
@@ -163,15 +124,17 @@ class Parts:
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a registered mode. Raises FlightError if it is not registered."""
-        found = self._modes.get(mode if isinstance(mode, type) else type(mode))
-        if found is None:
-            raise FlightError(f"mode {mode.name!r} is not registered: `await flight.add(...)` registers it")
-        return found
+        found = self._active.get(mode if isinstance(mode, type) else type(mode))
+        if isinstance(found, ActiveMode):
+            return found
+        if found is not None:
+            raise FlightError(f"{mode.name!r} is a check without a mode, and flies nothing")
+        raise FlightError(f"mode {mode.name!r} is not registered: `await flight.add(...)` registers it")
 
     def find_executor(self, executor: type[Executor] | Executor) -> Charge:
         """Return an executor that is registered. Raises FlightError."""
         cls = executor if isinstance(executor, type) else type(executor)
-        found = next((each for each in self._charges if type(each.executor) is cls), None)
+        found = next((each for each in self._charges if executor in (each.executor, type(each.executor))), None)
         if found is None:
             raise FlightError(f"executor {cls.__name__} is not registered: `await flight.add(...)` registers it")
         return found
@@ -179,7 +142,7 @@ class Parts:
     def mode_name(self) -> str:
         """Return the name of the mode that flies the vehicle."""
         status = self._feeds["vehicle_status"].latest
-        own = {each.ids.mode: each.ids.name for each in self._modes.values()}
+        own = {each.ids.mode: each.ids.name for each in self._active.values()}
         return "" if status is None else own.get(status.nav_state) or name_of(status.nav_state)
 
     def owner_of(self, active: ActiveMode) -> Charge | None:
@@ -192,24 +155,30 @@ class Parts:
             self._restarts.take(status)
         for charge in [*self._charges]:
             charge.follow(status)
-        for active in [*self._modes.values()]:
+        for active in [*self._active.values()]:
             active.follow(status)
         if self._memory is not None:
-            for active in self._modes.values():
+            for active in self._active.values():
                 self._memory.write(active.ids, status)
             self._memory.touch()
 
     def stop(self) -> None:
-        """Stop all modes and executors, and send nothing."""
-        for charge in self._charges:
+        """Stop all modes, executors and checks, and send nothing."""
+        self._forget([*self._active.values()])
+
+    def _forget(self, gone: Sequence[Active]) -> None:
+        """Stop some modes with their executors, and checks. Executors come first, as in `follow`."""
+        ids = {each.ids for each in gone}
+        for charge in [each for each in self._charges if each.ids in ids]:
             charge.close()
-        for active in self._modes.values():
+            self._charges.remove(charge)
+        for active in gone:
             active.close()
-            if self._answers is not None:
-                self._answers.remove(active.ids.check)
-        self._charges.clear()
-        self._modes.clear()
-        self.replacements.clear()
+            self._watch()[0].remove(active.ids.check)
+            del self._active[type(active.subject)]
+        modes = {each.mode for each in ids}
+        for replaced in [each for each, own in self.replacements.items() if own in modes]:
+            del self.replacements[replaced]
 
     def close(self) -> None:
         """Stop all modes and executors, and unregister them."""
@@ -224,7 +193,7 @@ class Parts:
         self._parts.clear()
 
     def unregister(self) -> None:
-        """Unregister all modes. Can be called from any thread, and several times."""
+        """Unregister all modes and checks. Can be called from any thread, and several times."""
         is_link = isinstance(self.connection, LinkConnection)
         with self._lock:
             while self._registered:
@@ -238,18 +207,18 @@ class Parts:
                     time.sleep(_APART)
 
     async def _add(self, part: Part, *, is_again: bool = False) -> None:
-        """Register a mode, or continue with the ids of an earlier program. With `is_again`, always register."""
+        """Register a mode or a check, or continue with the ids of an earlier program: not with `is_again`."""
         answers, restarts = self._watch()
         resuming = Resuming(self._memory, self._feeds, answers, self._registrar, resume=self._resume)
         try:
-            ids = None if is_again else await resuming.ids_of(part.mode)
+            ids = None if is_again else await resuming.ids_of(part.subject)
             is_resumed = ids is not None
             if ids is None:
-                await self._check_disarmed(part.mode.name)
+                await self._check_disarmed(part.subject.name)
                 ids = await self._registrar.register(part.wanted)
         except BaseException:
             if self._memory is not None:
-                self._memory.release(part.mode.name)
+                self._memory.release(part.subject.name)
             raise
         self._registered[ids.name] = ids
         if self._memory is not None:  # at once: a program can be killed before the next VehicleStatus
@@ -260,36 +229,53 @@ class Parts:
         if is_resumed:
             return
         try:
-            await active.configuration.check(part.mode.setpoints)
-            await active.overrides.begin()
-            charge = self.owner_of(active)
-            if charge is not None:
-                await charge.overrides.begin()
-            await self._until_ready(active)
+            if isinstance(active, ActiveMode):
+                await self._configure(active)
+            await self._until_ready(active.ids)
         except BaseException:
-            if self._modes.get(type(part.mode)) is active:
-                self._drop(part.mode)
+            if self._active.get(type(part.subject)) is active:
+                self._drop(part.subject)
             raise
 
+    async def _configure(self, active: ActiveMode) -> None:
+        await active.configuration.check(active.mode.setpoints)
+        await active.overrides.begin()
+        charge = self.owner_of(active)
+        if charge is not None:
+            await charge.overrides.begin()
+
     async def _check_disarmed(self, name: str) -> None:
-        """Raise RegistrationError while the vehicle is armed."""
+        """Raise ArmedError while the vehicle is armed."""
         with suppress(TimeoutError):  # then, PX4 decides
             if is_armed(await self._feeds["vehicle_status"].wait(lambda _: True, _READY)):
-                raise RegistrationError(f"{name}: {ARMED}")
+                raise ArmedError(f"{name}: {ARMED}")
+
+    def _waits_for_landing(self, subject: Mode | Check) -> bool:
+        """Whether a check is registered later, because its program was killed and goes on with its modes in flight."""
+        modes = [each.mode for each in self._active.values() if isinstance(each, ActiveMode)]
+        if not (isinstance(subject, Check) and any(mode.is_resumed for mode in modes)):
+            return False
+        LOGGER.warning("the vehicle has removed check %r: it is registered again once disarmed", subject.name)
+        return True
 
     def _watch(self) -> tuple[Answers, Restarts]:
         if self._answers is None or self._restarts is None:
             self._answers = Answers(self.connection, self._feeds)
-            self._restarts = Restarts(self._feeds, self._mask, self._lose)
+            self._restarts = Restarts(self._feeds, self._mask, self._mask_of_checks, self._lose)
         return self._answers, self._restarts
 
-    def _begin(self, part: Part, ids: Ids, *, is_resumed: bool) -> ActiveMode:
-        own = Actions(self._commands, self._feeds, self._fence, self.replacements)
-        active = ActiveMode(part.mode, ids, self.connection, self._feeds, self._fence, own)
-        part.mode.is_resumed = is_resumed
-        self._modes[type(part.mode)] = active
-        if part.mode.replaces is not None:
-            self.replacements[part.mode.replaces] = ids.mode
+    def _begin(self, part: Part, ids: Ids, *, is_resumed: bool) -> Active:
+        mode = part.subject
+        active: Active
+        if isinstance(mode, Check):
+            active = Active(mode, ids)
+        else:
+            own = Actions(self._commands, self._feeds, self._fence, self.replacements)
+            active = ActiveMode(mode, ids, self.connection, self._feeds, self._fence, own)
+            mode.is_resumed = is_resumed
+            if mode.replaces is not None:
+                self.replacements[mode.replaces] = ids.mode
+        self._active[type(mode)] = active
         self._watch()[0].add(ids.check, active.verdict)
         if part.executor is not None:
             part.executor.is_resumed = is_resumed
@@ -298,68 +284,78 @@ class Parts:
             self._charges.append(Charge(part.executor, ids, actions, overrides, self.find))
         return active
 
-    def _drop(self, mode: Mode) -> None:
+    def _drop(self, subject: Mode | Check) -> None:
         """Unregister a mode that cannot be flown, unless the flight has ended or the vehicle has restarted."""
-        active = self._modes.pop(type(mode), None)
+        active = self._active.get(type(subject))
         if active is None:
             return
-        charge = self.owner_of(active)
-        if charge is not None:
-            charge.close()
-            self._charges.remove(charge)
-        active.close()
-        self.replacements.pop(-1 if mode.replaces is None else mode.replaces, None)
-        self._watch()[0].remove(active.ids.check)
+        self._forget([active])
         with self._lock:
             self._registered.pop(active.ids.name, None)
         self._registrar.unregister(active.ids)
         if self._memory is not None:
             self._memory.release(active.ids.name)
 
-    async def _until_ready(self, active: ActiveMode) -> None:
-        """Wait until the vehicle has read the first reply of a mode. Until then, it refuses to arm in the mode."""
-        bit = 1 << active.ids.mode
-        with suppress(TimeoutError):  # the conditions of the mode are not met
-            await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
+    async def _until_ready(self, ids: Ids) -> None:
+        """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check."""
+        if ids.mode != NONE:
+            bit = 1 << ids.mode
+            with suppress(TimeoutError):  # the conditions of the mode are not met
+                await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
+            return
+        with suppress(TimeoutError):
+            await self._feeds["arming_check_request"].following(lambda each: is_asked(each, ids.check), _READY)
+            await asyncio.sleep(_READ)
 
     # after a restart
 
     def _mask(self) -> int:
-        return sum(1 << active.ids.check for active in self._modes.values())
+        return sum(1 << active.ids.check for active in self._active.values())
 
-    def _lose(self, why: str) -> None:
-        """End all modes, because the vehicle no longer knows their ids, and register them again."""
-        LOGGER.warning("%s: all modes are registered again", why)
-        for active in self._modes.values():
-            active.lose(RestartedError(f"{why}, so mode {active.mode.name!r} has ended"))
-        self.stop()
-        self._remove_selected()
+    def _mask_of_checks(self) -> int:
+        return sum(1 << active.ids.check for active in self._active.values() if active.ids.mode == NONE)
+
+    def _lose(self, why: str, lost: int) -> None:
+        """End modes and checks, because the vehicle no longer knows their ids, and register them again."""
+        gone = [each for each in self._active.values() if lost >> each.ids.check & 1]
+        LOGGER.warning("%s: registering %s again", why, ", ".join(repr(each.ids.name) for each in gone))
+        for active in gone:
+            active.lose(RestartedError(f"{why}, so mode {active.ids.name!r} has ended"))
+        self._forget(gone)
         with self._lock:
-            self._registered.clear()
+            for active in gone:
+                self._remove_selected(active.ids)
+                self._registered.pop(active.ids.name, None)
+        self._renew()
+
+    def _remove_selected(self, ids: Ids) -> None:
+        """Unregister a mode that the vehicle keeps although it does not answer, because it is selected."""
+        status = self._feeds["vehicle_status"].latest
+        if status is not None and status.nav_state_user_intention == ids.mode:
+            self._registrar.unregister(ids)
+
+    def _renew(self) -> None:
+        """Register what is missing, unless that is under way."""
         if self._renewal is None or self._renewal.done():
             self._renewal = watched(
-                self._renew(),
+                self._add_missing(),
                 "msggen flight renewal",
                 lambda _, error: report("the modes could not be registered again", error),
             )
 
-    def _remove_selected(self) -> None:
-        """Unregister what the vehicle keeps although it does not answer, because it is selected."""
-        status = self._feeds["vehicle_status"].latest
-        for ids in self._registered.values():
-            if status is not None and status.nav_state_user_intention == ids.mode:
-                self._registrar.unregister(ids)
-
-    async def _renew(self) -> None:
-        for part in self._parts:
-            while type(part.mode) not in self._modes:
-                try:
-                    await self._add_again(part)
-                except NoAnswerError:  # the vehicle is still starting
-                    await asyncio.sleep(_AGAIN)
-                except FlightError as error:
-                    report(f"mode {part.mode.name!r} could not be registered again", error)
-                    break
+    async def _add_missing(self) -> None:
+        given_up: list[Part] = []
+        while True:
+            missing = [each for each in self._parts if type(each.subject) not in self._active and each not in given_up]
+            if not missing:
+                return
+            try:
+                await self._add_again(missing[0])
+            except NoAnswerError:  # the vehicle is still starting
+                await asyncio.sleep(_AGAIN)
+            except FlightError as error:
+                report(f"{missing[0].subject.name!r} could not be registered again", error)
+                given_up.append(missing[0])
 
     async def _add_again(self, part: Part) -> None:
         try:

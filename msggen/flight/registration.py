@@ -1,4 +1,4 @@
-"""Registration of modes and executors with the vehicle."""
+"""Registration of modes, executors and checks with the vehicle."""
 
 from __future__ import annotations
 
@@ -23,10 +23,16 @@ _LOOP = 0.02
 _REQUEST, _REPLY, _END = "register_ext_component_request", "register_ext_component_reply", "unregister_ext_component"
 
 
+class ArmedError(RegistrationError):
+    """The vehicle is armed, and takes no registration."""
+
+
 class Wanted(NamedTuple):
     """The registration to request under a name."""
 
     name: str
+    is_mode: bool = True
+    """Whether it is a mode. Otherwise, it is a check without one."""
     executor: bool = False
     replaces: int | None = None
     """The nav_state of the PX4 mode that it replaces."""
@@ -34,13 +40,18 @@ class Wanted(NamedTuple):
     is_selectable: bool = True
 
 
+NONE: Final = -1
+"""The id of what was not requested."""
+
+
 class Ids(NamedTuple):
-    """The ids that the vehicle has assigned, -1 for what was not requested."""
+    """The ids that the vehicle has assigned."""
 
     name: str
     check: int
-    mode: int = -1
-    executor: int = -1
+    mode: int = NONE
+    """NONE for a check without a mode."""
+    executor: int = NONE
 
 
 def packed(name: str) -> bytes:
@@ -56,7 +67,7 @@ def packed(name: str) -> bytes:
 
 
 class Registrar:
-    """Registers and unregisters modes and executors."""
+    """Registers and unregisters modes, executors and checks."""
 
     def __init__(self, connection: Connection, feeds: Feeds) -> None:
         self._connection, self._feeds = connection, feeds
@@ -71,7 +82,7 @@ class Registrar:
         self._is_watching = False
 
     async def register(self, wanted: Wanted) -> Ids:
-        """Register a mode, with its executor if it has one.
+        """Register a mode, with its executor if it has one, or a check.
 
         Raises RegistrationError if the vehicle refuses, NoAnswerError, and UnsupportedError before v1.15.
         """
@@ -148,7 +159,7 @@ class Registrar:
             name=packed(wanted.name),
             px4_ros2_api_version=cls.LATEST_PX4_ROS2_API_VERSION,
             register_arming_check=True,
-            register_mode=True,
+            register_mode=wanted.is_mode,
             register_mode_executor=wanted.executor,
             enable_replace_internal_mode=wanted.replaces is not None,
             replace_internal_mode=wanted.replaces or 0,

@@ -1,4 +1,4 @@
-"""Detects that a vehicle no longer knows the modes of a program: it has restarted, or has removed them."""
+"""Detects that a vehicle no longer knows modes or checks of a program: it has restarted, or has removed them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,10 @@ _BURST = 0.1
 """The time in s between two requests within which they have waited for a program that hung, and are outdated."""
 _MISSES = 5
 """How many requests without an own id show that it was removed. A mode that answers again is in the second one."""
+_REMOVED = 1.0
+"""The time in s between two requests from which on PX4 may have removed a check without a mode: 3 replies are missing.
+
+Before v1.17, requests do not say this."""
 _UTC: Final = 10**15
 """Timestamps in us from this value on count from 1970, smaller ones from boot."""
 
@@ -26,9 +30,14 @@ _UTC: Final = 10**15
 class Restarts:
     """Watches the clocks of a vehicle, and whether it asks for the checks of a program."""
 
-    def __init__(self, feeds: Feeds, checks: Callable[[], int], tell: Callable[[str], None]) -> None:
-        """Take a function that returns the own checks as a bit mask, and one to call with the reason of a loss."""
-        self._feeds, self._checks, self._tell = feeds, checks, tell
+    def __init__(
+        self, feeds: Feeds, checks: Callable[[], int], alone: Callable[[], int], tell: Callable[[str, int], None]
+    ) -> None:
+        """Take functions that return the own checks, and those without a mode, as bit masks.
+
+        `tell` is called with the reason of a loss, and what is lost as a mask.
+        """
+        self._feeds, self._checks, self._alone, self._tell = feeds, checks, alone, tell
         self._loop = asyncio.get_running_loop()
         self._last: Any = None
         self._mode_time = 0
@@ -36,14 +45,17 @@ class Restarts:
         self._since = 0.0
         """When the vehicle was heard again, or everything was registered. Before that, no request can be missed."""
         self._misses = 0
-        self._asked = float("-inf")
-        """When the last request has come."""
+        self._asked = self._loop.time() - _BURST
+        """When the last request has come, or could have come first."""
+        self._is_unsure = False
+        """Whether a check without a mode may have been removed, on a vehicle that does not say so."""
         self.close = feeds["arming_check_request"].call(self._take_request)
         """Stops watching."""
 
     def begin(self) -> None:
         """Expect requests from now on."""
         self._since, self._misses = self._loop.time(), 0
+        self._asked = max(self._asked, self._since - _BURST)
 
     def take(self, status: Any) -> None:
         """Take a VehicleStatus before modes and executors do: if the vehicle has restarted, they end first."""
@@ -54,9 +66,9 @@ class Restarts:
         self._heard, self._last = now, status
         if is_restarted:
             self._mode_time = 0
-            self._lose("the vehicle has restarted")
+            self._lose("the vehicle has restarted", self._checks())
         elif min(now - self._since, self._feeds["arming_check_request"].age) > _QUIET:
-            self._lose("the vehicle has restarted, or has removed what was registered")
+            self._lose("the vehicle has restarted, or has removed what was registered", self._checks())
         self._mode_time = max(self._mode_time, status.nav_state_timestamp)
 
     def _goes_back(self, status: Any, *, is_gap: bool) -> bool:
@@ -73,13 +85,19 @@ class Restarts:
         if now - before < _BURST:
             return
         own = self._checks()
-        mask = getattr(request, "valid_registrations_mask", own)  # from v1.17 on
-        self._misses = self._misses + 1 if own & ~mask else 0
-        is_on_ground = self._last is not None and is_disarmed(self._last)
-        if self._misses >= _MISSES and is_on_ground:  # in flight, the vehicle takes late replies
-            self._lose("the vehicle has removed what was registered")
+        mask = getattr(request, "valid_registrations_mask", None)
+        self._is_unsure |= mask is None and now - before > _REMOVED
+        lost = own & ~(own if mask is None else mask)
+        self._misses = self._misses + 1 if lost else 0
+        if self._last is None or not is_disarmed(self._last):  # in flight, the vehicle takes late replies of modes
+            return
+        if self._misses >= _MISSES:
+            self._lose("the vehicle has removed what was registered", lost)
+        elif self._is_unsure:
+            self._lose("the vehicle may have removed what was registered", self._alone())
 
-    def _lose(self, why: str) -> None:
+    def _lose(self, why: str, lost: int) -> None:
         self.begin()
-        if self._checks():
-            self._tell(why)
+        self._is_unsure = False
+        if lost:
+            self._tell(why, lost)

@@ -7,12 +7,13 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any
 
+from msggen.flight.answering import Check
 from msggen.flight.checks import Answers, Verdict
 from msggen.flight.errors import NoAnswerError, RegistrationError
 from msggen.flight.feeds import Feeds
 from msggen.flight.memory import Memory, Remembered, booted
 from msggen.flight.mode import Mode, needs_of
-from msggen.flight.registration import Ids, Registrar
+from msggen.flight.registration import NONE, Ids, Registrar
 from msggen.flight.states import is_disarmed
 
 LOGGER = getLogger("msggen.flight")
@@ -29,7 +30,7 @@ _ASKED = 0.5
 
 
 class Resuming:
-    """Looks for the ids of a mode."""
+    """Looks for the ids of a mode or a check."""
 
     def __init__(
         self, memory: Memory | None, feeds: Feeds, answers: Answers, registrar: Registrar, *, resume: bool
@@ -38,18 +39,19 @@ class Resuming:
         self._resume = resume
         self._found: Remembered | None = None
 
-    async def ids_of(self, mode: Mode) -> Ids | None:
-        """Return the ids of a mode if the vehicle still has them. None: the mode has to be registered.
+    async def ids_of(self, subject: Mode | Check) -> Ids | None:
+        """Return the ids of a mode or a check if the vehicle still has them. None: it has to be registered.
 
-        Raises RegistrationError if another program flies the mode, or if the vehicle has left it in flight and the
-        program was started without `resume`.
+        Raises RegistrationError if another program has registered it, or if the vehicle has left the mode in flight and
+        the program was started without `resume`.
         """
-        self._found = self._memory.claim(mode.name) if self._memory is not None else None
+        self._found = self._memory.claim(subject.name) if self._memory is not None else None
         found = self._found
-        if found is None or found.is_over:
+        if found is None or found.is_over or (found.ids.mode == NONE) is not isinstance(subject, Check):
             return None
         if found.age < FRESH:  # at once, before anything else is known: PX4 waits for 1 s
-            self._answers.add(found.ids.check, lambda: Verdict(requires=needs_of(mode)), only_asked=True)
+            early = Verdict(can_run=False) if isinstance(subject, Check) else Verdict(requires=needs_of(subject))
+            self._answers.add(found.ids.check, lambda: early, only_asked=True)
         ids = None
         try:
             ids = await self._resumed(found)
@@ -76,7 +78,10 @@ class Resuming:
         if is_disarmed(status):
             await self._remove(found.ids)
             return None
-        if not await self._is_lost(found.ids) or self._resume:
+        is_lost = await self._is_lost(found.ids)
+        if is_lost and found.ids.mode == NONE:  # the vehicle takes no late replies
+            return None
+        if not is_lost or self._resume:
             return found.ids
         raise RegistrationError(
             f"{found.ids.name}: the vehicle has left this mode of an earlier program in flight. Use "
@@ -96,20 +101,22 @@ class Resuming:
                 return
 
     async def _is_lost(self, ids: Ids) -> bool:
-        """Whether the vehicle no longer waits for the replies of a mode."""
-        flags = await self._feeds["failsafe_flags"].wait(lambda _: True, _HEARD)
-        if flags.mode_req_other >> ids.mode & 1:
-            return True
+        """Whether the vehicle no longer waits for the replies of a mode or a check."""
+        if ids.mode != NONE:
+            flags = await self._feeds["failsafe_flags"].wait(lambda _: True, _HEARD)
+            if flags.mode_req_other >> ids.mode & 1:
+                return True
         feed = self._feeds["arming_check_request"]
         with suppress(TimeoutError):
             request = feed.latest if feed.age < _ASKED else await feed.following(lambda _: True, _ASKED)
-            return not is_asked(request, ids.check)
+            return not is_asked(request, ids.check, unsaid=ids.mode != NONE)
         return True
 
 
-def is_asked(request: Any, check: int) -> bool:
+def is_asked(request: Any, check: int, *, unsaid: bool = True) -> bool:
     """Whether a request is for a check. Before v1.17, requests do not say this."""
-    return bool(getattr(request, "valid_registrations_mask", -1) >> check & 1)
+    mask = getattr(request, "valid_registrations_mask", None)
+    return unsaid if mask is None else bool(mask >> check & 1)
 
 
 def _is_same_boot(found: Remembered, status: Any) -> bool:

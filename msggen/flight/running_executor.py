@@ -151,7 +151,9 @@ class Charge:
                 raise
             await self._fail(FlightError(f"`run` of {self._name} was cancelled"))
         except Exception as error:  # noqa: BLE001 - whatever a program raises
-            if self._task is asyncio.current_task():
+            if self._task is asyncio.current_task() and getattr(error, "is_handled", False):
+                self._finish(error)
+            elif self._task is asyncio.current_task():
                 await self._fail(error)
             elif not isinstance(error, NotReachedError):
                 report(f"{self._name} is no longer in charge, and its end has failed", error)
@@ -164,7 +166,7 @@ class Charge:
         self._finish(error)
         report(f"{self._name} has failed", error)
         with suppress(FlightError):  # it is not registered any more
-            self.find(self.executor.mode).has_failed = True
+            self.find(self.executor.mode).has_failed = self._was_armed or self.executor.starts != "armed"
         with suppress(TimeoutError, FlightError):
             await self.actions.wait_for_status(self._is_left_alone, UNDER_WAY)
             try:

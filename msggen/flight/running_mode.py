@@ -9,7 +9,7 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
-from msggen.flight.checks import Verdict
+from msggen.flight.answering import Active
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
@@ -19,6 +19,7 @@ from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
+from msggen.flight.requirements import Requirement
 from msggen.flight.rovers import stopping
 from msggen.flight.setpoints import Configuration, Messages, Stream, Values
 from msggen.flight.space import Vector
@@ -39,14 +40,15 @@ _REPEAT = 0.1
 """The period in s at which the end of a mode is reported, until PX4 has left it."""
 
 
-class ActiveMode:
+class ActiveMode(Active):
     """A mode with the ids that the vehicle has assigned."""
 
     def __init__(  # noqa: PLR0913, PLR0917 - what it is made of
         self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence, actions: Actions
     ) -> None:
         """Take the actions of a user."""
-        self.mode, self.ids, self.feeds, self.actions = mode, ids, feeds, actions
+        super().__init__(mode, ids)
+        self.mode, self.feeds, self.actions = mode, feeds, actions
         self._fence = fence.tightened(mode.limits)
         self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
         self._is_owned = ids.executor > 0
@@ -64,8 +66,6 @@ class ActiveMode:
         """Whether `fly` runs, and has not been cancelled."""
         self._abandoned = float("-inf")
         """When a run that had not begun was given up. The mode may be entered shortly afterwards."""
-        self._has_problem = False
-        """Whether `problems` has raised an exception, which was reported."""
         self._connection = connection
         self._topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
@@ -79,7 +79,6 @@ class ActiveMode:
         """The last run that was cancelled."""
         self._lost: FlightError | None = None
         """Why the mode has ended, if the vehicle no longer knows it."""
-        mode._active = self  # noqa: SLF001 - its own part
 
     @property
     def is_active(self) -> bool:
@@ -90,17 +89,15 @@ class ActiveMode:
         """See Fence."""
         self._fence.check_goto(place)
 
-    def verdict(self) -> Verdict:
-        """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""
-        try:
-            problems = tuple(self.mode.problems())
-        except Exception as error:  # noqa: BLE001 - whatever a program raises
-            if not self._has_problem:
-                report(f"`problems` of mode {self.mode.name!r} has failed", error)
-            self._has_problem = True
-            return Verdict(can_run=False, requires=needs_of(self.mode))
-        self._has_problem = False
-        return Verdict(not self.has_failed and not self._stream.is_broken, needs_of(self.mode), problems)
+    @property
+    def can_run(self) -> bool:
+        """See Active."""
+        return not self.has_failed and not self._stream.is_broken
+
+    @property
+    def requires(self) -> Requirement:
+        """See Active."""
+        return needs_of(self.mode)
 
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint of one message from now on. Raises as `send_each`."""
@@ -298,7 +295,7 @@ class ActiveMode:
         self._leave()
         self.configuration.close()
         self.overrides.close()
-        self.mode._active = None  # noqa: SLF001 - as above
+        super().close()
 
     def follow(self, status: Any) -> None:
         """Enter or leave the mode with a VehicleStatus."""

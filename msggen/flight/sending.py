@@ -21,6 +21,10 @@ class Registered(Protocol):
     overrides: Overrides
     actions: Actions
 
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle."""
+
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint of one message from now on."""
 

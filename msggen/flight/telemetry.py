@@ -1,6 +1,6 @@
 """Telemetry: small values with their age and validity.
 
-Places and velocities are in NED. Angles are in rad, lengths in m, speeds in m/s.
+Places and velocities are in NED. Angles are in rad, lengths in m, speeds in m/s. A value that is not known is NaN.
 """
 
 from __future__ import annotations
@@ -10,19 +10,31 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 from msggen.flight.elsewhere import Hinted
+from msggen.flight.equipment import (
+    FRESH,
+    PUBLISHED,
+    SLOW,
+    Airspeed,
+    Sticks,
+    VehicleKind,
+    Vtol,
+    Wind,
+    airspeed_of,
+    kind_of,
+    sticks_of,
+    vtol_of,
+    vtol_of_status,
+    wind_of,
+)
 from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
 
 _Value = TypeVar("_Value")
-_FRESH = 0.5
-"""The age in s up to which estimates are valid."""
-_SLOW = 3.0
-"""The same for values that are published rarely: home, battery, landing."""
 _LIFTED = 1.0
 """The height in m above the origin of the local frame from which on a vehicle is in the air, with v1.15."""
 _PATIENCE = 1.0
-"""How long to wait for the first message of a topic, in s: `_SLOW` for those that PX4 publishes each 1 s."""
+"""How long to wait for the first message of a topic, in s: `SLOW` for those that PX4 publishes each 1 s."""
 
 
 class LocalPosition(NamedTuple):
@@ -101,8 +113,8 @@ class Land(NamedTuple):
 class Telemetry(Hinted):
     """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s.
 
-    For `battery`, `home` and `land`, it is 3 s, as PX4 publishes them each 1 s or when they change. Without waiting,
-    each has the last message that the link knows.
+    For `battery`, `home`, `land` and `wind`, it is 3 s, as PX4 publishes them each 1 s or when they change. Without
+    waiting, each has the last message that the link knows.
     """
 
     def __init__(self, feeds: Feeds) -> None:
@@ -122,22 +134,45 @@ class Telemetry(Hinted):
 
     async def battery(self) -> Battery:
         """Return the state of the battery."""
-        return await self._read("battery_status", _battery, _SLOW)
+        return await self._read("battery_status", _battery, SLOW)
 
     async def home(self) -> Home:
         """Return the home position."""
-        return await self._read("home_position", _home, _SLOW)
+        return await self._read("home_position", _home, SLOW)
 
     async def land(self) -> Land:
         """Return whether the vehicle has landed."""
-        return await self._read("vehicle_land_detected", _land, _SLOW)
+        return await self._read("vehicle_land_detected", _land, SLOW)
+
+    async def sticks(self) -> Sticks:
+        """Return the sticks of a pilot."""
+        return await self._read("manual_control_setpoint", sticks_of)
+
+    async def airspeed(self) -> Airspeed:
+        """Return the speed through the air."""
+        return await self._read("airspeed_validated", airspeed_of)
+
+    async def wind(self) -> Wind:
+        """Return the wind. Raises UnsupportedError before v1.17."""
+        return await self._read("wind", wind_of, SLOW)
+
+    async def vtol(self) -> Vtol:
+        """Return how a VTOL flies."""
+        if self._feeds.has("vtol_vehicle_status"):
+            return await self._read("vtol_vehicle_status", vtol_of)
+        return await self._read("vehicle_status", vtol_of_status)
+
+    async def vehicle(self) -> VehicleKind:
+        """Return what kind of vehicle it is."""
+        return await self._read("vehicle_status", kind_of)
 
     async def _read(self, topic: str, make: Callable[[Any, float], _Value], patience: float = _PATIENCE) -> _Value:
         feed = self._feeds[topic]
         try:
             message = await feed.wait(lambda _: True, patience)
         except TimeoutError:
-            raise NoAnswerError(f"no {topic} within {patience:.0f} s") from None
+            when = f": PX4 publishes it {PUBLISHED[topic]}" if topic in PUBLISHED else ""
+            raise NoAnswerError(f"no {topic} within {patience:.0f} s{when}") from None
         return make(message, feed.age)
 
 
@@ -149,7 +184,7 @@ def is_estimate(message: Any) -> bool:
 def valid_estimate(feeds: Feeds) -> Any:
     """Return the last VehicleLocalPosition, or None if it is not valid, or older than 0.5 s."""
     feed = feeds["vehicle_local_position"]
-    is_valid = feed.latest is not None and feed.age < _FRESH and is_estimate(feed.latest)
+    is_valid = feed.latest is not None and feed.age < FRESH and is_estimate(feed.latest)
     return feed.latest if is_valid else None
 
 
@@ -164,7 +199,7 @@ def checked_estimate(feeds: Feeds) -> Any:
 def no_estimate(feeds: Feeds) -> NoAnswerError:
     """Return the error of a vehicle without a valid estimate: it has none, or is not heard."""
     age = feeds["vehicle_local_position"].age
-    if math.isfinite(age) and age > _FRESH:
+    if math.isfinite(age) and age > FRESH:
         return feeds.no_answer(f"no vehicle_local_position for {age:.1f} s: is the link lost?")
     return NoAnswerError("the vehicle has no valid local position: it needs GPS, or another source of its position")
 
@@ -199,19 +234,36 @@ def is_known_in_air(feeds: Feeds) -> bool:
     return found is not None and not found.landed
 
 
+async def has_landed(feeds: Feeds) -> bool:
+    """Return whether the vehicle is on the ground, by a message of the last 3 s. Raises NoAnswerError without one.
+
+    v1.15 does not tell: its height above the origin counts.
+    """
+    try:
+        feed = feeds["vehicle_land_detected"]
+    except UnsupportedError:
+        return not is_known_in_air(feeds)
+    if feed.latest is None or feed.age > SLOW:
+        try:
+            await feed.following(lambda _: True, SLOW)
+        except TimeoutError:
+            raise feeds.no_answer(f"no vehicle_land_detected within {SLOW:.0f} s") from None
+    return bool(feed.latest.landed)
+
+
 def _local_position(message: Any, age: float) -> LocalPosition:
     return LocalPosition(
         Vector(message.x, message.y, message.z),
         Vector(message.vx, message.vy, message.vz),
         message.heading,
         age,
-        is_valid=is_estimate(message) and age < _FRESH,
+        is_valid=is_estimate(message) and age < FRESH,
     )
 
 
 def _global_position(message: Any, age: float) -> GlobalPosition:
     is_valid = getattr(message, "lat_lon_valid", True) and getattr(message, "alt_valid", True)  # v1.15 has neither
-    return GlobalPosition(message.lat, message.lon, message.alt, age, is_valid=bool(is_valid and age < _FRESH))
+    return GlobalPosition(message.lat, message.lon, message.alt, age, is_valid=bool(is_valid and age < FRESH))
 
 
 def _attitude(message: Any, age: float) -> Attitude:
@@ -219,13 +271,13 @@ def _attitude(message: Any, age: float) -> Attitude:
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return Attitude((w, x, y, z), roll, pitch, yaw, age, is_valid=age < _FRESH)
+    return Attitude((w, x, y, z), roll, pitch, yaw, age, is_valid=age < FRESH)
 
 
 def _battery(message: Any, age: float) -> Battery:
     remaining = message.remaining if message.remaining >= 0 else math.nan
     values = message.voltage_v, message.current_a, message.warning
-    return Battery(remaining, *values, age, is_valid=bool(message.connected and age < _SLOW))
+    return Battery(remaining, *values, age, is_valid=bool(message.connected and age < SLOW))
 
 
 def _home(message: Any, age: float) -> Home:
@@ -234,4 +286,4 @@ def _home(message: Any, age: float) -> Home:
 
 
 def _land(message: Any, age: float) -> Land:
-    return Land(bool(message.landed), bool(message.ground_contact), age, is_valid=age < _SLOW)
+    return Land(bool(message.landed), bool(message.ground_contact), age, is_valid=age < SLOW)

@@ -31,6 +31,7 @@ DRIVING: Final = (
 )
 MOTORS: Final = "expected keywords, such as `{0}(motors=[0.5, 0.5, None], servos=[-1.0])`, from -1 to 1"
 THRUSTS: Final = "expected keywords: `{0}(thrust=(0.0, 0.0, -0.5), torque=(0.0, 0.0, 0.0))`, in FRD, from -1 to 1"
+MEASURED: Final = "expected keywords, such as `{0}(position=(1.0, 0.0, -2.0), variance=0.01, frame='ned')`"
 LIMITS: Final = "expected keywords: `{0}(height=20.0, distance=50.0)`, in m"
 
 ARGUMENTS: Final[Mapping[str, str]] = MappingProxyType(

@@ -25,6 +25,8 @@ _POSITION: Final = (*_ATTITUDE, "altitude", "climb_rate", "acceleration", "veloc
 _ROTORS: Final = frozenset({vehicle_types.ROTARY_WING})
 _WINGS: Final = frozenset({vehicle_types.FIXED_WING})
 _WHEELS: Final = frozenset({vehicle_types.ROVER})
+MODES: Final = "v1.15"
+"""The first release with modes of programs."""
 _LATER: Final = "v1.17"
 
 
@@ -48,7 +50,7 @@ class Kind(NamedTuple):
     """The types of vehicles for which PX4 v1.18 accepts its SetpointConfig."""
     renewed: tuple[str, ...] = ()
     """Those of its topics that are sent at its beginning and once a second: they configure what follows it."""
-    since: str = "v1.15"
+    since: str = MODES
     """The first release that bridges its topics for modes."""
 
     @property
@@ -110,7 +112,7 @@ def _driving(first: int, speed: str) -> tuple[Kind, Kind, Kind]:
 ROVER_POSITION: Final = _rover(7, "position", ("rover_position_setpoint",), (*_ATTITUDE, "velocity", "position"))
 ROVER: Final = (ROVER_POSITION, *_driving(8, "speed"))
 ROVER_THROTTLE: Final = _driving(11, "throttle")
-THRUST_TORQUE: Final = Kind(
+THRUST_AND_TORQUE: Final = Kind(
     "thrust and torque",
     15,
     ("vehicle_thrust_setpoint", "vehicle_torque_setpoint"),
@@ -125,7 +127,7 @@ KINDS: Final = (
     GOTO,
     ATTITUDE,
     RATES,
-    THRUST_TORQUE,
+    THRUST_AND_TORQUE,
     ACTUATORS,
     Kind("position triplet", 16, (), (*_POSITION, "auto"), followed_by=frozenset()),
     FIXED_WING,

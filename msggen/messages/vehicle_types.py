@@ -25,3 +25,11 @@ TITLES: Final[Mapping[int, str]] = MappingProxyType(
     }
 )
 """What each is called in messages."""
+
+NO_VTOL: Final = 0
+TO_FIXED_WING: Final = 1
+TO_MULTICOPTER: Final = 2
+HOVERING: Final = 3
+FORWARD: Final = 4
+"""The states of a VTOL: VEHICLE_VTOL_STATE_* of VtolVehicleStatus."""
+TRANSITIONS: Final = frozenset({TO_FIXED_WING, TO_MULTICOPTER})

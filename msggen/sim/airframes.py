@@ -43,8 +43,13 @@ AIRFRAMES: Mapping[str, Airframe] = MappingProxyType(
 """Those of `msggen sim --vehicle`."""
 
 
-def airframe_of(name: str) -> Airframe:
-    """Return an airframe by its name. Raises ValueError for another one."""
+def check_vehicle(name: str) -> None:
+    """Raise ValueError for what is no kind of vehicle."""
     if name not in AIRFRAMES:
         raise ValueError(f"no vehicle '{name}'{suggestion(name, AIRFRAMES)}: there are {', '.join(AIRFRAMES)}")
+
+
+def airframe_of(name: str) -> Airframe:
+    """Return the airframe of a kind of vehicle. Raises ValueError for another one."""
+    check_vehicle(name)
     return AIRFRAMES[name]

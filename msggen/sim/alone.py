@@ -8,9 +8,11 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from msggen.messages.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
+from msggen.messages.commands import ARM_DISARM, LAND, RETURN, SET_MODE, TAKEOFF, VTOL_TRANSITION
 from msggen.messages.nav_states import HOLD, OFFBOARD
 from msggen.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY
+from msggen.messages.vehicle_types import ROVER
+from msggen.sim.attitude import Vector
 from msggen.sim.changes import Changes
 from msggen.sim.disturbances import noise_with
 from msggen.sim.faults import TimedFaults
@@ -19,6 +21,7 @@ from msggen.sim.options import Options
 from msggen.sim.publishing import FlightLog, Publication, Schedule, publication_of
 from msggen.sim.values import Clocks, Filler, Scene
 from msggen.sim.vehicle import world_of
+from msggen.sim.wings import Wings
 from msggen.sim.world import STEP
 
 BOOT = 1_000_000
@@ -28,6 +31,8 @@ _HEIGHT = 10.0
 _SQUARE = ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0))
 """North and east in m."""
 _NEAR = 0.5
+_CIRCLE = 40.0
+"""The time in s for which wings circle."""
 _REST = 1_000_000
 """The time in us for which the flight goes on after the vehicle has disarmed."""
 _HEARTBEAT, _SETPOINT = 100_000, 50_000
@@ -38,7 +43,10 @@ _INPUTS = (OFFBOARD_CONTROL_MODE, TRAJECTORY.topic, "vehicle_command")
 
 
 class LoneFlight:
-    """A vehicle that takes off, flies a square in Offboard mode, and lands. `utc` is the time in us since 1970."""
+    """A vehicle that takes off, flies a square in Offboard mode, and lands. With wings, it flies a circle in Hold.
+
+    `utc` is the time in us since 1970.
+    """
 
     def __init__(self, package: ModuleType, options: Options, utc: int) -> None:
         self.world = world_of(package, options)
@@ -86,16 +94,24 @@ class LoneFlight:
 
     def _script(self, log: FlightLog) -> Iterator[Callable[[], bool]]:
         """Do what a pilot and a program do, and yield what to wait for before the next step."""
-        world = self.world
+        world, airframe = self.world, self.world.airframe
         yield self._after(2.0)
-        self._command(log, TAKEOFF, param7=world.home.altitude + _HEIGHT)
-        yield self._after(0.5)
+        if airframe.vehicle_type != ROVER:
+            height = max(_HEIGHT, airframe.parameters.get("MIS_TAKEOFF_ALT", 0.0))
+            self._command(log, TAKEOFF, param7=world.home.altitude + height)
+            yield self._after(0.5)
         self._command(log, ARM_DISARM, param1=1.0)
         if not world.is_armed:  # refused, as without a position: the next time the vehicle would not arm either
             yield self._after(5.0)
             return
         yield lambda: world.mode == HOLD
         yield self._after(3.0)
+        yield from self._circle(log) if isinstance(world.flight, Wings) else self._square(log)
+        self._command(log, RETURN if airframe.is_vtol else LAND)
+        self._goal = None
+        yield _never
+
+    def _square(self, log: FlightLog) -> Iterator[Callable[[], bool]]:
         self._goal = _SQUARE[0]
         yield self._after(1.5)
         self._command(log, SET_MODE, param1=1.0, param2=6.0)
@@ -103,17 +119,22 @@ class LoneFlight:
             self._goal = corner
             yield self._is_near
             yield self._after(1.0)
-        self._command(log, LAND)
-        self._goal = None
-        yield _never
+
+    def _circle(self, log: FlightLog) -> Iterator[Callable[[], bool]]:
+        if self.world.airframe.is_vtol:
+            self._command(log, VTOL_TRANSITION, param1=4.0)
+        yield self._after(_CIRCLE)
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.time + round(seconds * 1e6)
         return lambda: self.time >= end
 
     def _is_near(self) -> bool:
-        x, y, z = self.world.flight.position
-        return self._goal is not None and math.dist((x, y, z), (*self._goal, -_HEIGHT)) < _NEAR
+        return self._goal is not None and math.dist(self.world.flight.position, self._place(*self._goal)) < _NEAR
+
+    def _place(self, north: float, east: float) -> Vector:
+        """Return a place at the height that the vehicle flies at."""
+        return north, east, self.world.flight.ground if self.world.airframe.vehicle_type == ROVER else -_HEIGHT
 
     def _advance(self, log: FlightLog) -> None:
         self.time += STEP
@@ -133,7 +154,7 @@ class LoneFlight:
     def _send_setpoints(self, log: FlightLog, north: float, east: float) -> None:
         free = (NAN, NAN, NAN)
         setpoint = {
-            "position": (north, east, -_HEIGHT),
+            "position": self._place(north, east),
             "velocity": free,
             "acceleration": free,
             "jerk": free,

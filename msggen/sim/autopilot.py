@@ -148,6 +148,11 @@ class Autopilot:
         """Let position control begin at a time: it uses no setpoint from before, and holds the place until the next."""
         self._since, self.is_led, self._hold = time, False, self._stop()
 
+    def shift(self, north: float, east: float) -> None:
+        """Move the place that is held with the estimate of the position."""
+        x, y, z = self._hold.position
+        self._hold = self._hold._replace(position=(x + north, y + east, z))
+
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
         if mode == self._mode:
@@ -236,7 +241,10 @@ class Autopilot:
             return self._led(self._setpoints.of_position(time, self._since)) if self.has_position else self._blind()
         if "attitude" in controls:
             return self._led(self._setpoints.of_attitude(self._since))
-        return self._led(self._setpoints.of_rates(self._since) if "rates" in controls else None)
+        if "rates" in controls:
+            return self._led(self._setpoints.of_rates(self._since))
+        of = self._setpoints.of_torque if "allocation" in controls else self._setpoints.of_rotors
+        return self._led(of(self._since))
 
     def _led(self, found: Target | Push | None) -> Setpoint:
         """Return the setpoint of a program. Without one, the place and the speed of the last are held, as in PX4."""

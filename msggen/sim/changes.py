@@ -37,7 +37,7 @@ class Changes:
 
 def _states(world: World) -> Sequence[object]:
     """Return what PX4 publishes each of the topics for, when it changes."""
-    commander, landing = world.commander, world.landing
+    commander, landing, external = world.commander, world.landing, world.external
     failsafe = commander.failsafe
     state = world.vtol_state
     mode, is_armed, landed = commander.mode, commander.is_armed, landing.landed
@@ -49,7 +49,15 @@ def _states(world: World) -> Sequence[object]:
         (is_armed, mode, commander.controls, commander.vehicle_type),
         (commander.senses[:_FLAGS], commander.requirements.masks),
         (landing.ground_contact, landing.maybe_landed, landed),
-        (landed, world.has_position, state, commander.vehicle_type),
+        (
+            landed,
+            world.has_position,
+            state,
+            commander.vehicle_type,
+            external.fused,
+            external.is_aided,
+            external.is_yaw_aligned,
+        ),
         (world.has_home, world.home_changes, world.origin),
         (mode, landed),
         world.has_sticks,

@@ -16,7 +16,7 @@ from msggen.sim.changes import Changes
 from msggen.sim.disturbances import noise_with
 from msggen.sim.options import Options
 from msggen.sim.programs import Programs
-from msggen.sim.publishing import FlightLog, Schedule, publication_of
+from msggen.sim.publishing import FlightLog, Schedule, localize, publication_of
 from msggen.sim.requests import Requests
 from msggen.sim.values import Clocks, Filler, Scene
 from msggen.sim.vehicle import restarted, world_of
@@ -124,13 +124,14 @@ class NearVehicle:
         """Let the vehicle take messages."""
         self._programs = Programs(self.world, self._publish)
         requests = Requests(self.world, self._publish, self._tell, {})
-        self._handlers = {**self._programs.handlers, **requests.handlers}
+        self._handlers = {**self._programs.handlers, **requests.handlers, **self.world.external.handlers}
 
     def _receive(self, topic: str, message: Any) -> None:
+        localize(message, self.time)
         if self._log is not None:
             self._log.add(topic, message)
         if topic in self._handlers:
-            self._handlers[topic](message, min(message.timestamp, self.time) or self.time)
+            self._handlers[topic](message, message.timestamp)
 
     def _tell(self, text: str) -> None:
         if self._log is not None:

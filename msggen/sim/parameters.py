@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from msggen.base.diagnostics import suggestion
+from msggen.sim.commander.rules import V1_17, V1_18, Rules
 
 PARAMETERS: Mapping[str, float] = MappingProxyType(
     {
@@ -16,6 +17,7 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "COM_MODE_ARM_CHK": 0.0,
         "COM_OF_LOSS_T": 1.0,
         "COM_SPOOLUP_TIME": 1.0,
+        "EKF2_GPS_CTRL": 7.0,
         "FW_AIRSPD_MAX": 20.0,
         "FW_AIRSPD_MIN": 10.0,
         "FW_AIRSPD_TRIM": 15.0,
@@ -80,19 +82,22 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
 )
 """Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, angles in degrees, and gains in 1/s."""
 
+_OF_RELEASES = {*V1_17.estimator, *V1_18.estimator}
 SETTABLE = (
     *(name for name in PARAMETERS if name.startswith("COM_") and name not in {"COM_OF_LOSS_T", "COM_SPOOLUP_TIME"}),
+    *sorted({"EKF2_GPS_CTRL", *_OF_RELEASES}),
     *("FW_AIRSPD_MAX", "FW_AIRSPD_MIN", "FW_AIRSPD_TRIM", "MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "NAV_LOITER_RAD"),
     *("RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT", "SIH_WIND_E", "SIH_WIND_N", "VT_TRANS_TIMEOUT"),
 )
 """Those that a vehicle can have other values of. The others are built into its motion."""
 
 
-def check_settable(name: str) -> None:
-    """Raise ValueError for what is no parameter that a vehicle can have another value of."""
-    if name not in SETTABLE:
-        near = suggestion(name, SETTABLE)
-        raise ValueError(f"parameter '{name}' cannot be set{near}: there are {', '.join(SETTABLE)}")
+def check_settable(name: str, rules: Rules | None = None) -> None:
+    """Raise ValueError for what is no parameter that a vehicle can have another value of, if it has some rules."""
+    missing = _OF_RELEASES - rules.estimator.keys() if rules else ()
+    known = [each for each in SETTABLE if each not in missing]
+    if name not in known:
+        raise ValueError(f"parameter '{name}' cannot be set{suggestion(name, known)}: there are {', '.join(known)}")
 
 
 def microseconds(name: str) -> int:

@@ -181,6 +181,18 @@ class Answers:
             self._waiting[topic].append(last)
 
 
+def localize(message: Any, now: int, offset: int = 0) -> None:
+    """Let the times of a message that arrives count since boot, as PX4's client does.
+
+    0 counts as now, and so do times to come and those that are no times since boot.
+    """
+    for name in ("timestamp", "timestamp_sample"):
+        stamp = getattr(message, name, None)
+        if stamp is not None:
+            time = stamp - offset
+            setattr(message, name, time if stamp and 0 <= time <= now else now)
+
+
 def queue_length(message: Any) -> int:
     """Return how many samples the topics of a message hold in uORB: ORB_QUEUE_LENGTH."""
     return getattr(message, "ORB_QUEUE_LENGTH", 1)

@@ -45,7 +45,7 @@ class RoverPilot:
         self.has_position = True
         self._flight, self._setpoints = flight, setpoints
         self._turns_in_place = turns_in_place
-        self._mode = -1
+        self._mode, self._since = -1, 0
         self._controls: Controls = frozenset()
         self._place: Vector | None = None
         """The place to drive to."""
@@ -53,6 +53,8 @@ class RoverPilot:
         """The speeds on the way to it, and there."""
         self._drive = Drive()
         self._held: Vector = (0.0, 0.0, 0.0)
+        self._next: Vector | None = None
+        """Where the next Hold is to be."""
         topics = dict.fromkeys(topic for kind in (*ROVER_KINDS, *ROVER_THROTTLE) for topic in kind.topics)
         takers = (
             self._take_position,
@@ -84,18 +86,20 @@ class RoverPilot:
     def hold_at(self, position: Vector, _yaw: float, _speed: float) -> None:
         """Drive to a place in the next Hold."""
         if all(map(math.isfinite, position[:2])):
-            self._held = position
-            self._mode = HOLD
+            self._next = position
+            self._mode = -1
 
     def begin_again(self) -> None:
         """Enter the mode anew, because the local position has another origin."""
         self._mode = -1
 
-    def enter(self, mode: int, _time: int) -> None:
+    def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
         if mode != self._mode:
-            self._mode = mode
-            self._held = self._flight.position
+            self._mode, self._since = mode, time
+            self._held = (mode == HOLD and self._next) or self._flight.position
+            if mode == HOLD:
+                self._next = None
 
     def is_done(self, *, is_landed: bool) -> bool:
         """Whether a landing or a return has reached its end."""
@@ -126,7 +130,7 @@ class RoverPilot:
             self._controls = wanted
             self.rest()
         if mode in EXTERNAL:
-            return self._stored()
+            return self._stored() if controls else self._by_actuators()
         if not self.has_position:
             return _STOP
         if mode == OFFBOARD:
@@ -139,6 +143,16 @@ class RoverPilot:
         if "position" not in self._controls or self._place is None:
             return self._drive
         return self._to(self._place, *self._way)
+
+    def _by_actuators(self) -> Drive:
+        """Return what a motor and a servo do, or the two motors of a rover that turns on the spot: right and left."""
+        found = self._setpoints.actuators(self._since)
+        if found is None:
+            return Drive()
+        motors, servos = found
+        if self._turns_in_place:
+            return Drive(throttle=(motors[0] + motors[1]) / 2, steering=(motors[1] - motors[0]) / 2)
+        return Drive(throttle=motors[0], steering=servos[0] if servos else NAN)
 
     def _led(self, position: Vector, velocity: Vector) -> Drive:
         if not any(map(math.isnan, position[:2])):

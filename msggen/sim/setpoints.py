@@ -7,7 +7,15 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from msggen.messages.setpoints import ATTITUDE, GOTO, OFFBOARD_CONTROL_MODE, RATES, TRAJECTORY
+from msggen.messages.setpoints import (
+    ACTUATORS,
+    ATTITUDE,
+    GOTO,
+    OFFBOARD_CONTROL_MODE,
+    RATES,
+    THRUST_AND_TORQUE,
+    TRAJECTORY,
+)
 from msggen.sim.attitude import Vector
 from msggen.sim.flight import FREE, NAN, ZERO, Push, Target
 from msggen.sim.parameters import PARAMETERS, microseconds
@@ -16,6 +24,8 @@ _HEARTBEAT_LOSS = microseconds("COM_OF_LOSS_T")
 _SETPOINT_LIFE = 1_000_000
 _GOTO_LIFE = 500_000
 """The time after which PX4 no longer uses a GotoSetpoint."""
+_TORQUE = 6.0
+"""The angular velocity in rad/s that a torque of 1 gives."""
 _BRIDGE = 200_000
 """How long PX4 flies the last valid TrajectorySetpoint after invalid ones."""
 _STOP = Target(velocity=ZERO)
@@ -46,12 +56,20 @@ class Setpoints:
         self._goto: _Timed | None = None
         self._attitude: tuple[int, Push] | None = None
         self._rates: tuple[int, Push] | None = None
+        self._thrust = ZERO
+        self._torque: tuple[int, Push] | None = None
+        self._motors: tuple[int, Sequence[float]] | None = None
+        self._servos: Sequence[float] = ()
         self.handlers: Mapping[str, Callable[[Any, int], None]] = {
             OFFBOARD_CONTROL_MODE: self.take_offboard,
             TRAJECTORY.topic: self.take_trajectory,
             GOTO.topic: self.take_goto,
             ATTITUDE.topic: self.take_attitude,
             RATES.topic: self.take_rates,
+            THRUST_AND_TORQUE.topics[0]: self.take_thrust,
+            THRUST_AND_TORQUE.topics[1]: self.take_torque,
+            ACTUATORS.topics[0]: self.take_motors,
+            ACTUATORS.topics[1]: self.take_servos,
         }
         """By the names of topics in uORB. Each takes a message and its time in us since boot."""
 
@@ -133,6 +151,46 @@ class Setpoints:
         if all(map(math.isfinite, (*rates, thrust))):
             self._rates = time, Push(_in_hover(thrust), rates=rates, forward=_forward(message))
 
+    def take_thrust(self, message: Any, _: int) -> None:
+        """Take a VehicleThrustSetpoint. It counts from the next torque on, as in PX4's allocator."""
+        self._thrust = _shares(message.xyz)
+
+    def take_torque(self, message: Any, time: int) -> None:
+        """Take a VehicleTorqueSetpoint with its time."""
+        roll, pitch, yaw = (_TORQUE * each for each in _shares(message.xyz))
+        thrust, forward = _in_hover(self._thrust[2]), max(0.0, self._thrust[0])
+        self._torque = time, Push(thrust, rates=(roll, pitch, yaw), forward=forward)
+
+    def take_motors(self, message: Any, time: int) -> None:
+        """Take an ActuatorMotors with its time. NaN stops a motor."""
+        self._motors = time, _shares(message.control)
+
+    def take_servos(self, message: Any, _: int) -> None:
+        """Take an ActuatorServos."""
+        self._servos = _shares(message.control)
+
+    def of_torque(self, since: int) -> Push | None:
+        """Return the last thrust and torque, which is used for ever, or None without one since a time."""
+        return self._torque[1] if self._torque is not None and self._torque[0] >= since else None
+
+    def actuators(self, since: int) -> tuple[Sequence[float], Sequence[float]] | None:
+        """Return the last motors and servos, which are used for ever, or None without motors since a time."""
+        return (self._motors[1], self._servos) if self._motors is not None and self._motors[0] >= since else None
+
+    def of_rotors(self, since: int) -> Push | None:
+        """Return what four motors do: front right, rear left, front left, rear right. None as for `actuators`."""
+        found = self.actuators(since)
+        if found is None:
+            return None
+        right, left, other_left, other_right = (max(0.0, each) for each in found[0][:4])
+        gain = _TORQUE / 4.0
+        rates = (
+            gain * (left + other_left - right - other_right),
+            gain * (right + other_left - left - other_right),
+            gain * (right + left - other_left - other_right),
+        )
+        return Push(_in_hover(-(right + left + other_left + other_right) / 4.0), rates=rates)
+
     def of_position(self, time: int, since: int) -> Target | None:
         """Return the setpoint of position control, which began at `since`. None: the vehicle holds.
 
@@ -171,6 +229,11 @@ def _limit(is_set: bool, value: float) -> float:  # noqa: FBT001 - a flag of a m
 def _in_hover(thrust: float) -> float:
     """Return the thrust of a setpoint, which is -1 for all that the motors have, as a share of that in hover."""
     return max(0.0, -thrust) / PARAMETERS["MPC_THR_HOVER"]
+
+
+def _shares(values: Sequence[float]) -> Any:
+    """Return values from -1 to 1. What is not finite is 0."""
+    return tuple(max(-1.0, min(1.0, each)) if math.isfinite(each) else 0.0 for each in values)
 
 
 def _forward(message: Any) -> float:

@@ -59,8 +59,8 @@ _LOW = 1.0
 """The height in m below which the vehicle is close to the ground."""
 _MOVING = 0.1
 """The speed in m/s above which the land detector reports movement."""
-_EPH, _EPV = 0.29, 0.05
-"""The accuracy of estimates, horizontally and vertically, in m."""
+_EPV = 0.05
+"""The vertical accuracy of estimates in m."""
 _START = 636_000
 """When the estimator found its origin, in us since boot."""
 _UNAIDED = 0.05
@@ -162,6 +162,7 @@ def _vehicle_status(scene: Scene) -> Values:
 def _vehicle_local_position(scene: Scene) -> Values:
     world, noise = scene.world, scene.noise
     flight, origin, valid, resets = world.flight, world.origin, world.has_position, world.position_resets
+    external = world.external
     x, y, z = flight.position
     vx, vy, vz = flight.velocity
     ax, ay, az = flight.acceleration
@@ -170,19 +171,22 @@ def _vehicle_local_position(scene: Scene) -> Values:
     return {
         "xy_valid": valid, "z_valid": True, "v_xy_valid": valid, "v_z_valid": True,
         "x": x + _PLACE * noise(), "y": y + _PLACE * noise(), "z": z + _PLACE * noise(),
-        "xy_reset_counter": _XY_RESETS + resets, "delta_z": -origin.altitude, "z_reset_counter": _Z_RESETS,
+        "xy_reset_counter": (_XY_RESETS + resets + external.position_resets) & 0xFF, "delta_xy": external.move,
+        "delta_z": -origin.altitude, "z_reset_counter": _Z_RESETS,
         "vx": vx + _SPEED * noise(), "vy": vy + _SPEED * noise(), "vz": vz + _SPEED * noise(), "z_deriv": vz,
         "delta_vxy": (0.0106, 0.0052), "vxy_reset_counter": _VXY_RESETS + resets, "delta_vz": 0.0003,
         "vz_reset_counter": _VZ_RESETS,
         "ax": ax + north + _PULL * noise(), "ay": ay + east + _PULL * noise(), "az": az + _PULL * noise(),
         "heading": wrapped(heading), "heading_var": 0.0006, "heading_good_for_control": True,
         "unaided_heading": wrapped(heading - _UNAIDED), "delta_heading": -0.0123,
-        "heading_reset_counter": _HEADING_RESETS, "tilt_var": 0.00007,
-        "xy_global": valid, "z_global": True, "ref_timestamp": _START, "ref_lat": origin.latitude,
-        "ref_lon": origin.longitude, "ref_alt": origin.altitude,
+        "heading_reset_counter": (_HEADING_RESETS + external.heading_resets) & 0xFF, "tilt_var": 0.00007,
+        "xy_global": world.has_global, "z_global": True, "ref_timestamp": _START,
+        "ref_lat": origin.latitude if world.has_origin else NAN,
+        "ref_lon": origin.longitude if world.has_origin else NAN, "ref_alt": origin.altitude,
+        "dead_reckoning": not external.is_aided,
         "dist_bottom_valid": True, "dist_bottom": max(0.0, flight.ground - z), "dist_bottom_var": 0.0008,
         "delta_dist_bottom": -origin.altitude, "dist_bottom_reset_counter": _Z_RESETS, "dist_bottom_sensor_bitfield": 1,
-        "eph": _EPH, "epv": _EPV, "evh": 0.13, "evv": 0.03,
+        "eph": external.accuracy, "epv": _EPV, "evh": 0.13, "evv": 0.03,
         "vxy_max": math.inf, "vz_max": math.inf, "hagl_min": math.inf, "hagl_max": math.inf, "hagl_max_z": math.inf,
         "hagl_max_xy": math.inf,
     }  # fmt: skip
@@ -203,7 +207,10 @@ def _vehicle_odometry(scene: Scene) -> Values:
         "position_variance": (0.04, 0.04, 0.003),
         "orientation_variance": (0.00003, 0.00005, 0.0006),
         "velocity_variance": (0.009, 0.009, 0.001),
-        "reset_counter": (sum(counters) + 2 * world.position_resets) & 0xFF,
+        "reset_counter": (
+            sum(counters) + 2 * world.position_resets + world.external.position_resets + world.external.heading_resets
+        )
+        & 0xFF,
     }
 
 
@@ -223,14 +230,14 @@ def _vehicle_global_position(scene: Scene) -> Values:
         "lon": place.longitude,
         "alt": place.altitude,
         "alt_ellipsoid": place.altitude + 47.0,
-        "lat_lon_valid": world.has_position,
+        "lat_lon_valid": world.has_global,
         "alt_valid": True,
         "delta_alt": origin.altitude,
         "delta_terrain": origin.altitude,
-        "lat_lon_reset_counter": _XY_RESETS + world.position_resets,
+        "lat_lon_reset_counter": (_XY_RESETS + world.position_resets + world.external.position_resets) & 0xFF,
         "alt_reset_counter": _Z_RESETS,
         "terrain_reset_counter": _Z_RESETS,
-        "eph": _EPH,
+        "eph": world.external.accuracy,
         "epv": _EPV,
         "terrain_alt": origin.altitude - world.flight.ground,
         "terrain_alt_valid": True,
@@ -420,10 +427,11 @@ _BY_GPS = ("cs_gps_hgt", "cs_gnss_pos", "cs_gnss_vel", "cs_gps")
 def _estimator_status_flags(scene: Scene) -> Values:
     world = scene.world
     landed, has_wings = world.is_landed, isinstance(world.flight, Wings) and world.flight.is_flying_by_wings
-    flags = dict.fromkeys(_STEADY, True) | dict.fromkeys(_BY_GPS, world.has_gps)
+    flags = dict.fromkeys(_STEADY, True) | dict.fromkeys(_BY_GPS, world.has_gps and world.external.uses_gps)
     return {
         **flags,
-        "control_status_changes": _CONTROL_CHANGES + world.control_changes,
+        **world.external.flags,
+        "control_status_changes": _CONTROL_CHANGES + world.control_changes + world.external.changes,
         "cs_fixed_wing": world.commander.vehicle_type == FIXED_WING,
         "cs_in_transition": world.vtol_state in {State.TO_FORWARD, State.TO_HOVER},
         "cs_wind": world.has_flown_by_wings,

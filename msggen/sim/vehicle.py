@@ -29,7 +29,7 @@ from msggen.sim.options import Options
 from msggen.sim.parameters import PARAMETERS, check_settable
 from msggen.sim.parts import check_part
 from msggen.sim.programs import Programs, rules_of
-from msggen.sim.publishing import Answer, Answers, FlightLog, Publication, Schedule
+from msggen.sim.publishing import Answer, Answers, FlightLog, Publication, Schedule, localize
 from msggen.sim.requests import Requests
 from msggen.sim.values import Clocks, Scene
 from msggen.sim.world import World
@@ -92,7 +92,11 @@ class SimulatedVehicle:
         """Connect the messages with the world."""
         self._programs = Programs(self.world, self._answer)
         self._requests = Requests(self.world, self._answer, self._tell, self._hashes())
-        self._handlers = {**self._programs.handlers, **self._requests.handlers}
+        self._handlers = {
+            **self._programs.handlers,
+            **self._requests.handlers,
+            **self.world.external.handlers,
+        }
         self._shown = (False, self.world.mode, False)
         self._changes = Changes()
 
@@ -245,15 +249,11 @@ class SimulatedVehicle:
             self.refused[f"{name}: not a {message_class.__name__}"] += 1
             return
         self.world.advance(self._now)
+        localize(message, self._now, self._client.offset)
         if handler is not None:
-            handler(message, self._local(message.timestamp))
+            handler(message, message.timestamp)
         if self._log is not None:
-            message.timestamp = self._local(message.timestamp)
             self._log.add(topic, message)
-
-    def _local(self, timestamp: int) -> int:
-        """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""
-        return min(timestamp - self._client.offset, self._now) if timestamp else self._now
 
     def _take_request(self, event: Requested) -> None:
         assert self._services is not None  # noqa: S101 - for the type checker: without services there are no requests
@@ -344,18 +344,19 @@ def world_of(package: ModuleType, options: Options) -> World:
 
     Raises ValueError for a parameter that cannot be set, and for what is no vehicle, part or disturbance.
     """
-    for name in options.parameters:
-        check_settable(name)
     for name in options.parts:
         check_part(name)
     airframe = airframe_of(options.vehicle)
     topics = import_module(f"{package.__name__}.topics")
     has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
+    rules = rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl")
+    for name in options.parameters:
+        check_settable(name, rules)
     found = World(
         options.home,
         options.key,
         has_position=not options.misbehaviour.no_position,
-        rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
+        rules=rules,
         parameters={**PARAMETERS, **airframe.parameters, **options.parameters},
         airframe=airframe,
     )
@@ -369,6 +370,8 @@ def restarted(before: World, package: ModuleType, options: Options) -> World:
     found = world_of(package, options)
     for name in ("time", "battery", "has_gps", "has_position", "has_sticks", "has_ground_station"):
         setattr(found, name, getattr(before, name))
+    found.has_position &= found.has_gps and found.external.uses_gps
+    found.has_origin &= found.has_position
     found.commander.components = before.commander.components
     found.commander.components.restart()
     return found

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any
 
+from msggen.messages import vehicle_types
 from msggen.messages.commands import ACCEPTED, TEMPORARILY_REJECTED
 from msggen.messages.nav_states import EXTERNAL, LAND, RETURN, TAKEOFF, VTOL_TAKEOFF
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING
@@ -43,10 +44,10 @@ _TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 class State(IntEnum):
     """VTOL_VEHICLE_STATE of VtolVehicleStatus."""
 
-    TO_FORWARD = 1
-    TO_HOVER = 2
-    HOVER = 3
-    FORWARD = 4
+    TO_FORWARD = vehicle_types.TO_FIXED_WING
+    TO_HOVER = vehicle_types.TO_MULTICOPTER
+    HOVER = vehicle_types.HOVERING
+    FORWARD = vehicle_types.FORWARD
 
 
 class VtolPilot:
@@ -59,8 +60,6 @@ class VtolPilot:
         self.state = State.HOVER
         self.has_failed = False
         """Whether the last transition to forward flight failed: fixed_wing_system_failure."""
-        self.is_overturned = False
-        """Whether the vehicle lies on its back: it went to forward flight on the ground."""
         self.rotors = Autopilot(flight, setpoints, parameters)
         self.wings = WingPilot(flight, setpoints, parameters)
         self.handlers: Mapping[str, Callable[[Any, int], None]] = self.wings.handlers
@@ -74,6 +73,11 @@ class VtolPilot:
     def vehicle_type(self) -> int:
         """That of VehicleStatus: in transitions, that of a multicopter."""
         return FIXED_WING if self.state is State.FORWARD else ROTARY_WING
+
+    @property
+    def is_overturned(self) -> bool:
+        """Whether the vehicle lies on its back: it went to forward flight on the ground."""
+        return self._flight.is_overturned
 
     @property
     def lift(self) -> Lift:
@@ -235,20 +239,27 @@ class VtolPilot:
     def target(self, time: int, controls: Controls = ALL) -> Setpoint | Wing | None:
         """Return the setpoint at a time. None: the motors are off."""
         self._follow(time)
-        self._flight.push = self._flight.nose = 0.0
+        self._flight.push = 0.0
+        if self._flight.is_tailsitter:
+            self._lean()
         if self.state is State.FORWARD:
             self._fall(time)
-            return None if self.is_overturned else self.wings.target(time, controls)
+            return None if self._flight.is_overturned else self.wings.target(time, controls)
         if self.state is State.HOVER:
             return self.rotors.target(time, controls)
         return self._between(time, controls)
+
+    def _lean(self) -> None:
+        is_forward = self.state in {State.TO_FORWARD, State.FORWARD}
+        seconds = self._parameters["VT_F_TRANS_DUR" if is_forward else "VT_B_TRANS_DUR"]
+        self._flight.nose_rate = math.radians(_QUARTER if is_forward else -_QUARTER) / seconds
 
     def _fall(self, time: int) -> None:
         """Fall over, if the vehicle tries to take off as an aircraft."""
         if not self._flight.is_on_ground or self._mode not in _TAKEOFFS:
             self._begin = time
         elif time - self._begin >= _FALL:
-            self.is_overturned, self._flight.roll = True, math.radians(-175.0)
+            self._flight.is_overturned = True
 
     def rest(self) -> None:
         """Stop the motors."""
@@ -259,13 +270,6 @@ class VtolPilot:
         if isinstance(target, Wing):
             return math.inf
         return self.rotors.lift_off(time, armed, target, is_landed=is_landed)
-
-    def _lean(self, time: int) -> float:
-        """Return how far a tailsitter leans forward in a transition."""
-        is_forward = self.state is State.TO_FORWARD
-        seconds = self._parameters["VT_F_TRANS_DUR" if is_forward else "VT_B_TRANS_DUR"]
-        share = min(1.0, (time - self._begin) / 1e6 / seconds)
-        return math.radians(_QUARTER) * (share if is_forward else 1.0 - share)
 
     def _between(self, time: int, controls: Controls) -> Setpoint | Wing | None:
         """Return the setpoint of a transition: level, with the turn of the wings and the height of the rotors."""
@@ -284,7 +288,5 @@ class VtolPilot:
             down, climb = rotors.position[2], rotors.velocity[2]
             pull = rotors.acceleration[:2]
             pull = (0.0, 0.0) if any(map(math.isnan, pull)) else pull
-        if flight.is_tailsitter:
-            flight.nose = self._lean(time)
         turn = wing.course if is_forward else flight.yaw
         return Target((NAN, NAN, down), (NAN, NAN, climb), (*pull, NAN), yaw=turn, turn=0.5)

@@ -89,12 +89,13 @@ class Wheels(Flight):
         self._turn_wheels(seconds, target)
 
     def _turn_wheels(self, seconds: float, target: Drive) -> None:
-        rate = target.yaw_rate
+        rate, steering = target.yaw_rate, target.steering
+        steering = steering if isnan(steering) else max(-1.0, min(1.0, steering))
         if not isnan(target.yaw):
             rate = _YAW_GAIN * wrapped(target.yaw - self.yaw)
         rate = rate if isnan(rate) else max(-_MAX_RATE, min(_MAX_RATE, rate))
         if self._turns_in_place:
-            wanted = target.steering * _MAX_RATE if isnan(rate) else rate
+            wanted = steering * _MAX_RATE if isnan(rate) else rate
             self._aim = self._aim if isnan(wanted) else wanted
             self._rate += (self._aim - self._rate) * min(1.0, seconds / _LAG)
             if not self._aim and abs(self._rate) < _STANDING:
@@ -103,8 +104,8 @@ class Wheels(Flight):
         if not isnan(rate):
             speed = self.speed if abs(self.speed) > _STANDING else math.copysign(_STANDING, self._goal)
             self._aim = math.atan(rate * _WHEEL_BASE / speed)
-        elif not isnan(target.steering):
-            self._aim = target.steering * _MAX_STEERING
+        elif not isnan(steering):
+            self._aim = steering * _MAX_STEERING
         wanted = max(-_MAX_STEERING, min(_MAX_STEERING, self._aim))
         most = _STEERING_RATE * seconds
         self._steering += max(-most, min(most, wanted - self._steering))

@@ -17,7 +17,7 @@ from msggen.sim.autopilot import POSITION
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Push, Target
 from msggen.sim.setpoints import Setpoints
-from msggen.sim.wings import CLIMB, MAX_CLIMB, MAX_LATERAL, SINK, Wing, Wings
+from msggen.sim.wings import CLIMB, MAX_CLIMB, MAX_LATERAL, MAX_SINK, SINK, Wing, Wings
 
 _FRESH = 40_000
 """The time for which a setpoint of a program replaces that of PX4's own mode: it is the last writer."""
@@ -87,11 +87,11 @@ class WingPilot:
         )
 
     def _take_lateral_limits(self, message: Any, time: int) -> None:
-        self._write(time, max_lateral=_or(message.lateral_accel_max, MAX_LATERAL))
+        self._write(time, max_lateral=_within(message.lateral_accel_max, MAX_LATERAL, MAX_LATERAL))
 
     def _take_longitudinal_limits(self, message: Any, time: int) -> None:
         climb, sink = message.climb_rate_target, message.sink_rate_target
-        self._write(time, climb=_or(climb, CLIMB), sink=_or(sink, SINK))
+        self._write(time, climb=_within(climb, CLIMB, MAX_CLIMB), sink=_within(sink, SINK, MAX_SINK))
 
     def _write(self, time: int, **values: float) -> None:
         found = {name: value if math.isfinite(value) else NAN for name, value in values.items()}
@@ -170,7 +170,12 @@ class WingPilot:
             return self._wing
         if "attitude" in controls:
             return self._posed(self._setpoints.of_attitude(self._since))
-        return self._posed(self._setpoints.of_rates(self._since) if "rates" in controls else None)
+        if "rates" in controls:
+            return self._posed(self._setpoints.of_rates(self._since))
+        if "allocation" in controls:
+            return self._posed(self._setpoints.of_torque(self._since))
+        found = self._setpoints.actuators(self._since)
+        return self._posed(None if found is None else Push(0.0, forward=max(0.0, found[0][0])))
 
     def _posed(self, push: Push | None) -> Wing:
         """Return a setpoint of attitude or rates. Without one, the last stays."""
@@ -211,6 +216,11 @@ class WingPilot:
         off = math.atan((distance - radius) / (_AHEAD * speed))
         turn = speed * speed / radius * math.cos(off) ** 2
         return Wing(course=bearing + math.pi / 2 + off, lateral=turn, down=place[2])
+
+
+def _within(value: float, default: float, most: float) -> float:
+    """Return a limit of a program, which can only be tighter than PX4's."""
+    return max(0.0, min(most, value)) if math.isfinite(value) else default
 
 
 def _or(value: float, default: float) -> float:

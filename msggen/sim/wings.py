@@ -43,6 +43,7 @@ _BY_WINGS = 0.3
 _DRIFT_TIME = 2.0
 """The time in s in which what gusts add to the wind fades, and the sideslip at the end of a transition."""
 _QUARTER = math.pi / 2
+_ON_ITS_BACK = math.radians(-175.0)
 
 
 class Wing(NamedTuple):
@@ -87,8 +88,12 @@ class Wings(Flight):
         """The acceleration along the heading in the transitions of a VTOL, by its pusher and by drag."""
         self.is_flying_by_wings = False
         """Whether the last setpoint was a `Wing`."""
-        self.nose = 0.0
-        """How far a tailsitter has leant forward in a transition."""
+        self.nose = self.nose_rate = 0.0
+        """How far a tailsitter leans forward, up to a quarter turn, and how fast."""
+        self.is_overturned = False
+        """Whether the vehicle lies on its back, and stays there."""
+        self._lift: Vector = ZERO
+        """The part of the acceleration that is not by `push`."""
         self.has_flown = False
         """Whether the aircraft has flown by its wings, which shows it the wind."""
         self._speed = 0.0
@@ -107,17 +112,12 @@ class Wings(Flight):
     @property
     def quaternion(self) -> Quaternion:
         """The rotation from body axes to NED: w, x, y, z."""
-        found = super().quaternion
-        if not self.is_tailsitter:
-            return found
-        half = (_QUARTER if self.is_flying_by_wings else self.nose) / 2
-        return product(found, (math.cos(half), 0.0, -math.sin(half), 0.0))
+        found, half = super().quaternion, self.nose / 2
+        return product(found, (math.cos(half), 0.0, -math.sin(half), 0.0)) if half else found
 
     @property
     def specific_force(self) -> Vector:
         """What an accelerometer measures, in body axes."""
-        if not self.is_flying_by_wings:
-            return super().specific_force
         x, y, z = self.acceleration
         return to_body(self.quaternion, (x, y, z - GRAVITY))
 
@@ -128,23 +128,38 @@ class Wings(Flight):
 
     def step(self, seconds: float, target: Target | Push | Wing | None, climb: float = math.inf) -> None:
         """Move on by a short time. Without a setpoint the motors are off."""
+        if self.is_overturned:
+            self.roll, self.velocity, self.acceleration, self.rates = _ON_ITS_BACK, ZERO, ZERO, ZERO
+            return
+        self.nose = max(0.0, min(_QUARTER, self.nose + self.nose_rate * seconds))
         if isinstance(target, Wing):
             if not self.is_flying_by_wings:
                 self._begin()
             self._fly(seconds, target)
+            self._lift = self.acceleration
             return
         self.is_flying_by_wings = False
-        if self.push and not self.is_on_ground:
-            (north, east, down), change = self.velocity, self.push * seconds
-            self.velocity = north + change * math.cos(self.yaw), east + change * math.sin(self.yaw), down
+        self.acceleration = self._lift
         super().step(seconds, target, climb)
+        self._lift = self.acceleration
+        if self.push and not self.is_on_ground:
+            self._push_forward(seconds)
+
+    def _push_forward(self, seconds: float) -> None:
+        x, y = self.push * math.cos(self.yaw), self.push * math.sin(self.yaw)
+        (north, east, down), (a, b, c) = self.velocity, self.acceleration
+        self.velocity, self.acceleration = (north + x * seconds, east + y * seconds, down), (a + x, b + y, c)
 
     def _begin(self) -> None:
         self._speed, self.is_flying_by_wings = self.airspeed, True
         self._setpoint, self._thrust = self._speed, None
-        ahead = self._speed * math.cos(self.yaw), self._speed * math.sin(self.yaw)
-        north, east = (speed - own - air for speed, own, air in zip(self.velocity, ahead, self.wind, strict=False))
-        self._drift = north, east
+        self._slip()
+
+    def _slip(self) -> None:
+        """Let what the velocity has besides airspeed and wind fade."""
+        north, east, _ = self.velocity
+        x, y = self._speed * math.cos(self.yaw), self._speed * math.sin(self.yaw)
+        self._drift = north - x - self.wind[0], east - y - self.wind[1]
 
     def _fly(self, seconds: float, target: Wing) -> None:
         if self.is_on_ground and not self._roll_out(seconds, target):
@@ -181,17 +196,21 @@ class Wings(Flight):
 
     def _roll_out(self, seconds: float, target: Wing) -> bool:
         """Move along the runway. Return whether the aircraft leaves it."""
-        self._speed = max(0.0, self._speed + (_RUNWAY if target.takes_off else -_BRAKES) * seconds)
+        along = self.wind[0] * math.cos(self.yaw) + self.wind[1] * math.sin(self.yaw)
+        speed = max(0.0, self._speed + along + (_RUNWAY if target.takes_off else -_BRAKES) * seconds)
+        self._speed = speed - along
         if target.takes_off and self._speed >= ROTATION * self.least:
             self.is_on_ground = False
             self._setpoint = self._speed
+            self._slip()
             return True
-        if not self._speed:
+        if not speed:
             self._rest(seconds)
             return False
         self._rests = 0
         self.roll = self.pitch = 0.0
-        north, east = self._speed * math.cos(self.yaw), self._speed * math.sin(self.yaw)
+        north, east = speed * math.cos(self.yaw), speed * math.sin(self.yaw)
+        self.acceleration = (north - self.velocity[0]) / seconds, (east - self.velocity[1]) / seconds, 0.0
         self.velocity, self.rates = (north, east, 0.0), ZERO
         x, y, _ = self.position
         self.position = x + north * seconds, y + east * seconds, self.ground

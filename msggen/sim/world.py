@@ -18,6 +18,7 @@ from msggen.sim.commander.rules import V1_18, Rules
 from msggen.sim.commander.states import BY_FAILSAFE, BY_INACTION, BY_LANDING
 from msggen.sim.commands import carry_out
 from msggen.sim.disturbances import Disturbances
+from msggen.sim.external import External
 from msggen.sim.flight import GRAVITY, Push, Target
 from msggen.sim.landing import Now
 from msggen.sim.models import model_of
@@ -52,13 +53,16 @@ class World:
         parameters: Mapping[str, float] = PARAMETERS,
         airframe: Airframe = AIRFRAMES["multicopter"],
     ) -> None:
+        self.external = external = External(self, {**rules.estimator, **parameters}, rules.auxiliary_patience)
+        """What measurements of programs tell the estimator."""
         self.origin = home or Home()
         """The origin of the local position: on the ground below the start, until a command sets another."""
         self.home = self.origin
         """Where a return ends."""
-        self.has_gps = self.has_position = has_position
-        """Whether GPS is there, which can be set at any time, and whether the vehicle knows its position."""
-        self.has_home = has_position
+        self.has_gps = has_position
+        """Whether GPS is there, which can be set at any time."""
+        self.has_position = self.has_origin = self.has_home = has_position and external.uses_gps
+        """Whether the vehicle knows its position, where on earth its origin is, and its home."""
         self.has_sticks = self.has_ground_station = False
         """Whether a pilot's sticks, and a ground station, are there. Both can be set at any time."""
         self.system_id = system_id
@@ -83,6 +87,8 @@ class World:
         """Whether the vehicle was disarmed and landed in the last step."""
         self._is_manual_home = False
         self._loop_time = -LOOP
+        self._is_measured = False
+        """Whether measurements of programs made the position known in the last loop."""
         self._gps_time = 0
         """When GPS and position were last both there or both gone."""
         self._setpoint: Target | Push | Wing | Drive | None = None
@@ -112,15 +118,21 @@ class World:
         self.battery.drain(seconds, self.thrust)
 
     def _estimate(self) -> None:
-        """Lose the position some time after GPS, or find it again."""
-        if self.has_gps == self.has_position:
+        """Lose the position some time after GPS, or find it again. Measurements of programs stand for GPS."""
+        was_measured, has_gps = self._is_measured, self.has_gps and self.external.uses_gps
+        decides = has_gps and self.has_position
+        self._is_measured = self.external.step(self.time, has_gps=decides, is_resting=self.flight.is_on_ground)
+        if self._is_measured or (was_measured and not has_gps):
+            self.has_position, self._gps_time = self._is_measured, self.time
+        elif has_gps == self.has_position:
             self._gps_time = self.time
-        elif self.time - self._gps_time >= (_GAIN if self.has_gps else _LOSS):
-            self.has_position = self.has_gps
+        elif self.time - self._gps_time >= (_GAIN if has_gps else _LOSS):
+            self.has_position = has_gps
             self.position_resets += self.has_position
+        self.has_origin |= has_gps and self.has_position
         self.autopilot.has_position = self.has_position
         self.commander.vehicle_type = self.autopilot.vehicle_type
-        self.has_home |= self.has_position
+        self.has_home |= self.has_position and self.has_origin
 
     def _fly(self, seconds: float) -> None:
         """Move the vehicle to the setpoint of the mode, and see whether it has landed."""
@@ -150,7 +162,7 @@ class World:
         before, self._rests = self._rests, rests
         self.control_changes += before[1] != self._rests[1]
         begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
-        if begins and self.has_position and not self._is_manual_home and not self.commander.keeps_home:
+        if begins and self.has_global and not self._is_manual_home and not self.commander.keeps_home:
             self.set_home(self.place)
 
     @property
@@ -160,8 +172,8 @@ class World:
         found = Senses(
             local_position=known,
             local_position_relaxed=known,
-            global_position=known,
-            global_position_relaxed=known,
+            global_position=self.has_global,
+            global_position_relaxed=self.has_global,
             home_position=self.has_home,
             offboard_signal=setpoints.has_heartbeat(self.time) and (known or not setpoints.controls_position),
             manual_control=self.has_sticks,
@@ -186,6 +198,11 @@ class World:
     def has_flown_by_wings(self) -> bool:
         """Whether the wind is known."""
         return isinstance(self.flight, Wings) and self.flight.has_flown
+
+    @property
+    def has_global(self) -> bool:
+        """Whether the vehicle knows where on earth it is."""
+        return self.has_position and self.has_origin
 
     @property
     def mode(self) -> int:
@@ -271,8 +288,10 @@ class World:
     def set_origin(self, origin: Home) -> None:
         """Count the local position from a place. The vehicle stays where it is."""
         place, ground = self.place, self.origin.altitude - self.flight.ground
-        self.origin = origin
+        had_origin, self.origin, self.has_origin = self.has_origin, origin, True
         self.autopilot.origin = origin.altitude
+        if not had_origin:  # the place of the vehicle on earth was not known: it follows from the origin
+            return
         self.flight.position, self.flight.ground = origin.local(place), origin.altitude - ground
         self.autopilot.home = origin.local(self.home)
         self.autopilot.begin_again()

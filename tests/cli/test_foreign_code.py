@@ -234,6 +234,7 @@ WORDS = {
     "log repair": ["a.ulg"],
     "log report": ["a.ulg"],
     "log show": ["a.ulg", "b"],
+    "mission check": ["a.json"],
     "play": ["a.ulg"],
     "px4-generate": ["-y", "dds_topics.yaml", "-t", "a.em", "-o", "a.h"],
     "render": ["--template", "a.j2", "-o", "out"],

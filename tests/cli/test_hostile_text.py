@@ -112,6 +112,10 @@ CASES: dict[str, list[list[str]]] = {
         ],
         *[[*log, NAME] for log in _LOGS],
     ],
+    "mission check": [
+        *_each(of=[[f"{FILE}.mission"], [f"{FILE}.mission", "--json"], [FILE], [NAME]]),
+        *([f"{FILE}.mission", "--action", NAME], [f"{FILE}.mission", "--action", NAME, "--json"]),
+    ],
     "play": [
         [f"{FILE}.mcap", "--to", "udp://127.0.0.1:9", "--for", "0.2"],
         [FILE],
@@ -220,6 +224,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
             comment = f"# {COMMENT}\n    # ::error::{COMMENT} [@frame {COMMENT}] [@{COMMENT} x]\n"
             body = f"uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n{field}  # [m] {end} {comment}"
             (named(end) / "msg" / name).write_text(body, errors="surrogateescape")
+    items = [{"type": NAME, NAME: NAME, "id": NAME}, {"type": "hold", NAME: 1, "id": NAME}]
+    named(".mission").write_text(json.dumps({"version": 1, NAME: 1, "mission": {"items": items, NAME: NAME}}))
     named(".j2").write_text("{% for each in catalog.messages %}\n{{ each.comment }}::error::\t\x1b[35;45m{% endfor %}")
     return folder
 

@@ -218,6 +218,35 @@ STATE: dict[str, Program] = {
     "other mode": other_mode,
     "failsafe": flying,
 }  # fmt: skip
+
+
+def camera(
+    vehicle: Vehicle,
+    package: Any,
+    *,
+    late: float = 0.05,
+    rate: float = 20.0,
+    topic: str = "/fmu/in/vehicle_visual_odometry",
+    **values: Any,
+) -> None:
+    """Send where a camera sees the vehicle."""
+    place = {"position": (0.0, 0.0, 0.0), "pose_frame": 1, "velocity": NAN, "q": (math.nan,) * 4, **values}
+
+    def message() -> Any:
+        return package.VehicleOdometry(timestamp_sample=vehicle.time - round(late * 1e6), **place)
+
+    vehicle.every(rate, message, topic=topic)
+
+
+CAMERAS: dict[str, Program] = {
+    "half a place": lambda vehicle, types: camera(vehicle, types, position=(1.0, 2.0, math.nan)),
+    "late camera": lambda vehicle, types: camera(vehicle, types, late=0.5),
+    "early camera": lambda vehicle, types: camera(vehicle, types, late=-3.0),
+    "slow camera": lambda vehicle, types: camera(vehicle, types, rate=3.0),
+    "unfused camera": camera,
+    "motion capture": lambda vehicle, types: camera(vehicle, types, topic="/fmu/in/vehicle_mocap_odometry"),
+    "healthy": camera,
+}
 UNPLACED = {"no position", "checks"}
 
 
@@ -232,7 +261,10 @@ def programs(url: str, package: Any, rows: dict[str, Program]) -> Iterator[dict[
     keys = {name: key for key, name in enumerate(rows, 1)}
     options = [
         CALM._replace(
-            key=key, namespace=name.replace(" ", "_"), misbehaviour=Misbehaviour(no_position=name in UNPLACED)
+            key=key,
+            namespace=name.replace(" ", "_"),
+            misbehaviour=Misbehaviour(no_position=name in UNPLACED),
+            parameters={"EKF2_EV_CTRL": 15.0} if name == "healthy" else {},
         )
         for name, key in keys.items()
     ]
@@ -285,6 +317,20 @@ def test_vehicles_that_do_not_follow_are_found(url: str, px4_types: Any, expecte
     assert answer.startswith("/healthy/fmu/in/trajectory_setpoint: published by ")
     assert f"(pid {os.getpid()}) at " in answer
     assert answer.endswith("; accepted (TrajectorySetpoint version 0, 64 bytes, the vehicle's definition)")
+
+
+@shared
+def test_measurements_that_are_not_used_are_found(url: str, px4_types: Any, expected: Expected) -> None:
+    with programs(url, px4_types, CAMERAS) as keys:
+        told = check(looked_at(url, px4_types), expected, keys)
+    assert "has `position` = (1, 2, nan), which EKF2 drops: set all three" in told["half a place"]
+    assert re.search(r"is 0\.5\d s old by `timestamp_sample`", told["late camera"])
+    assert re.search(r"is (3\.0|2\.9)\d s in the future", told["early camera"])
+    assert re.search(r"comes at (3\.0|2\.9) Hz, and EKF2 starts to fuse at 5 Hz", told["slow camera"])
+    assert (
+        "(cs_ev_pos, cs_ev_hgt of estimator_status_flags are false): the bit 1 of EKF2_EV_CTRL"
+        in told["unfused camera"]
+    )
 
 
 @shared

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
+from functools import partial
 from typing import Any, ClassVar
 
 import pytest
@@ -317,3 +318,29 @@ def test_a_wait_for_an_executor_that_starts_when_it_is_armed_is_told(
         await waiting
 
     fly(px4_types, program)
+
+
+def test_an_executor_that_fails_after_disarming_runs_again_when_the_vehicle_is_armed(types: Any) -> None:
+    """Its mode does not stay refused."""
+
+    class Waits(Ends):
+        starts: ClassVar[Start] = "armed"
+
+        async def run(self) -> None:
+            self.runs += 1
+            await self.wait_disarmed()
+            await self.takeoff(5.0)
+
+    executor = Waits()
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda *_: None)
+        await flight.add(executor)
+        await flight.set_mode(Waits)
+        for runs in (1, 2):
+            await flight.arm()
+            await vehicle.until(partial(lambda wanted: executor.runs == wanted, runs), 1.0)
+            await flight.disarm()
+            await asyncio.sleep(2.0)
+
+    fly(types, program)

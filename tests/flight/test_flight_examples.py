@@ -22,7 +22,7 @@ from support.repository import ROOT
 
 FOLDER = ROOT / "examples" / "flight"
 LIMITS = Limits(height=20.0, distance=100.0)
-HOLD, RETURN, TAKEOFF, LAND, EXTERNAL = 4, 5, 17, 18, 23
+HOLD, RETURN, OFFBOARD, TAKEOFF, LAND, EXTERNAL = 4, 5, 14, 17, 18, 23
 
 Place = tuple[float, float, float]
 
@@ -103,9 +103,11 @@ def vehicle(px4_types: Any, disturbances: tuple[str, ...]) -> Tracked:
 
 def test_every_example_is_here() -> None:
     assert {path.stem for path in FOLDER.glob("*.py")} == {
+        "indoor",
         "inspection",
         "precision_landing",
         "square",
+        "survey",
         "two_vehicles",
     }
 
@@ -123,6 +125,37 @@ def test_square(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:
     heights = [-down for _, _, down in vehicle.flown]
     assert max(heights) - min(heights) < 1.5  # it still climbs a little when the takeoff has ended
     assert vehicle.modes[:5] == [HOLD, TAKEOFF, HOLD, EXTERNAL, LAND]
+
+
+def test_survey(vehicle: Tracked, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    survey = example("survey")
+
+    async def main() -> None:
+        async with Flight(vehicle, limits=LIMITS) as flight:
+            await survey.main(flight, tmp_path / "survey.state")
+
+    flown(main(), vehicle)
+    photos = ["item 2: photo 1 of the north west", *(f"item 5: photo {each} of the north east" for each in (1, 2))]
+    assert capsys.readouterr().out.splitlines() == [*photos, "back"]
+    assert max(vehicle.nearest(*corner) for corner in [(12.0, 0.0), (12.0, 12.0), (0.0, 12.0)]) < 2.0
+    assert vehicle.modes[:5] == [HOLD, EXTERNAL, TAKEOFF, EXTERNAL, RETURN]
+    assert not [*tmp_path.iterdir()]
+
+
+def test_indoor(px4_types: Any, disturbances: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    indoor = example("indoor")
+    parameters = {"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0}
+    vehicle = Tracked(px4_types, Options(disturbances=disturbances, parameters=parameters))
+
+    async def main() -> None:
+        async with Flight(vehicle, limits=Limits(height=3.0, distance=5.0)) as flight:
+            await indoor.main(flight)
+
+    flown(main(), vehicle)
+    corners = [f"at {east} {north} {up}" for east, north, up in indoor.CORNERS]
+    assert capsys.readouterr().out.splitlines() == ["fused: position, height", *corners]
+    assert vehicle.modes[1:] == [TAKEOFF, HOLD, OFFBOARD, HOLD, LAND, HOLD]
+    assert not vehicle.world.external.uses_gps
 
 
 def test_inspection(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:

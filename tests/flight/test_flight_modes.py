@@ -173,7 +173,8 @@ def test_a_program_that_hangs_loses_the_vehicle_to_a_return(px4_types: Any) -> N
 
 
 def test_a_condition_of_a_mode_keeps_it_from_being_selected(px4_types: Any) -> None:
-    from msggen.flight.checks import Problem, Severity, event_id
+    from msggen.flight.checks import Problem, Severity
+    from msggen.messages.events import event_id
 
     class Picky(Mode):
         is_ready = False

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import msggen.flight
-from msggen.flight import BlockingFlight, Executor, Flight, FlightError, Mode
+from msggen.flight import BlockingFlight, Check, Executor, Flight, FlightError, Mode
 from msggen.flight.blocking import BlockingOffboard, BlockingTelemetry
 from msggen.flight.elsewhere import ATTRIBUTES, IMPORTED, Hinted, told
 from msggen.flight.offboard import Offboard
@@ -18,7 +18,7 @@ from msggen.flight.telemetry import Telemetry
 from support.flown import Flown, fly
 from support.repository import ROOT
 
-FACADES = (Flight, BlockingFlight, Mode, Executor, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
+FACADES = (Flight, BlockingFlight, Mode, Executor, Check, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
 PAGE = (ROOT / "docs" / "flight.md").read_text(encoding="utf-8")
 
 
@@ -82,6 +82,8 @@ def test_what_people_type_is_told(px4_types: Any) -> None:
             ("return_to_launch", "in msggen, it is `return_home`"),
             ("telemetry.position", "`await global_position()` or `await local_position()`"),
             ("action.arm", "a method of the flight: `await flight.arm()`"),
+            ("telemetry.subscribe_battery", "for each message: `flight.feeds[topic].call(function)`"),
+            ("arm_async", "in msggen, it is `await arm(...)`"),
             ("takeof", "did you mean 'takeoff'"),
             ("telemetry.batery", "did you mean 'battery'"),
         ):

@@ -1,4 +1,4 @@
-"""Tests of docs/flight.md and docs/flight_safety.md: their programs print what the pages show, on a simulated clock."""
+"""Tests of the pages on flights and missions: their programs print what the pages show, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any
 import pytest
 
 import msggen.flight
-from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, Mode
+from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, BlockingFlight, Executor, Flight, Mode
+from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
+from msggen.messages.measurements import HEIGHT, POSITION, VELOCITY, YAW
+from msggen.sim import Options
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
 from support.examples import by_day
@@ -20,10 +23,13 @@ from support.repository import ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight_safety", "flight")}
+PAGES = ("flight_safety", "flight", "missions", "measurements")
+TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in PAGES}
+PARAMETERS = {"measurements": {"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0}}
+"""Those that the vehicle of a page has other values of."""
 
 
-@by_day("page", [*TEXTS], 2)
+@by_day("page", [*TEXTS], 3)
 def test_the_programs_print_what_the_page_shows(
     page: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -35,18 +41,24 @@ def test_the_programs_print_what_the_page_shows(
         return Flight(vehicles[-1] if isinstance(where, str) else where, **options)
 
     def fly(main: Any) -> None:
-        vehicles.append(Flown(px4_types))
+        vehicles.append(Flown(px4_types, Options(parameters=PARAMETERS.get(page, {}))))
         run(main, vehicles[-1])
 
     async def in_flight(program: Any) -> None:
         async with flight("", px4_types) as found:
             await program(found)
 
+    monkeypatch.chdir(ROOT / "examples" / "flight")
     monkeypatch.setattr(msggen.flight, "Flight", flight)
     monkeypatch.setattr(asyncio, "run", fly)
+    monkeypatch.setattr(
+        msggen.flight,
+        "BlockingFlight",
+        lambda _, types: BlockingFlight(SimVehicle(types)) if types is px4_types else None,
+    )
     names: dict[str, Any] = {}
     blocks = BLOCK.findall(TEXTS[page])
-    assert len(blocks) == {"flight": 7, "flight_safety": 1}[page]
+    assert len(blocks) == {"flight": 10, "flight_safety": 1, "missions": 2, "measurements": 3}[page]
     for code, shown in blocks:
         names.pop("program", None)
         exec(code, names)  # noqa: S102 - the code of the page
@@ -61,6 +73,20 @@ def test_the_first_session_is_that_of_the_example() -> None:
     assert f"CORNERS = [{', '.join(f'({north}, {east})' for north, east in corners)}]" in text
 
 
+def test_the_session_of_measurements_is_that_of_the_example() -> None:
+    corners = re.findall(r"^at (\S+) (\S+) (\S+)$", TEXTS["measurements"].partition("```\n")[0], re.MULTILINE)
+    text = (ROOT / "examples" / "flight" / "indoor.py").read_text(encoding="utf-8")
+    assert f"CORNERS = [{', '.join(f'({east}, {north}, {up})' for east, north, up in corners)}]" in text
+
+
+def test_the_bits_on_the_page_are_those_of_the_list() -> None:
+    rows = re.findall(
+        r"^\| `(position|velocity|attitude)`.*\| ([^|]*) \| `EKF2_EV\w_NOISE`", TEXTS["measurements"], re.MULTILINE
+    )
+    bits = {name: [int(each) for each in re.findall(r"\b\d\b", cell)] for name, cell in rows}
+    assert bits == {"position": [POSITION.bit, HEIGHT.bit], "velocity": [VELOCITY.bit], "attitude": [YAW.bit]}
+
+
 def test_the_table_of_setpoints_is_that_of_the_code() -> None:
     rows = re.findall(r"^\| `([A-Z]+)` \| `[^|]*` \| (\d+) Hz \|", TEXTS["flight"], re.MULTILINE)
     kinds = (GOTO, TRAJECTORY, ATTITUDE, RATES)
@@ -71,7 +97,17 @@ def test_the_names_of_msggen_on_the_page_exist() -> None:
     table_of_names = TEXTS["flight"].partition("## Names elsewhere")[2].partition("\n## ")[0]
     ours = " ".join(line.split("|")[3] for line in table_of_names.splitlines() if line.startswith("| "))
     words = set(re.findall(r"`(?:await )?(?:async with )?(?:self\.|flight\.)?(\w+)", ours))
-    known = {*dir(Mode), *dir(Executor), *dir(Flight), *msggen.flight.__all__, "name", "telemetry", "return", "msggen"}
+    known = {
+        *dir(Mode),
+        *dir(Executor),
+        *dir(Flight),
+        *msggen.flight.__all__,
+        "name",
+        "measure",
+        "telemetry",
+        "return",
+        "msggen",
+    }
     assert words - known == set()
 
 

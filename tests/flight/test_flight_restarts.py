@@ -10,6 +10,9 @@ import pytest
 from msggen.flight.restarts import Restarts
 
 OWN = 0b10
+ALONE = 0b100
+"""A check without a mode."""
+ALL = OWN | ALONE
 UTC = 1_700_000_000_000_000
 
 
@@ -35,11 +38,20 @@ class Watched:
     """What watches a vehicle that sends a status every 0.5 s, on a clock of its own."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now, self.told, self.requests = 100.0, list[str](), Requests()
+        self.now, self.told, self.lost, self.requests = 100.0, list[str](), list[int](), Requests()
         monkeypatch.setattr("asyncio.get_running_loop", lambda: SimpleNamespace(time=lambda: self.now))
         feeds: Any = {"arming_check_request": self.requests}
-        self.restarts = Restarts(feeds, lambda: OWN, self.told.append)
+        self.restarts = Restarts(feeds, lambda: ALL, lambda: ALONE, self.tell)
         self.restarts.begin()
+
+    def tell(self, why: str, lost: int) -> None:
+        self.told.append(why)
+        self.lost.append(lost)
+
+    def ask(self, after: float = 0.3, **request: int) -> None:
+        """Let a request come some time after the one before."""
+        self.now += after
+        self.requests.take(SimpleNamespace(**request))
 
     def take(self, *statuses: Any, every: float = 0.5) -> list[str]:
         """Return what is told of statuses."""
@@ -98,13 +110,20 @@ def test_after_a_gap_requests_have_time_to_come(watched: Watched) -> None:
 @pytest.mark.parametrize(("is_armed", "count"), [(False, 1), (True, 0)])
 def test_an_id_that_is_not_asked_for_is_removed_on_the_ground(*, is_armed: bool, count: int, watched: Watched) -> None:
     watched.take(status(50.0, is_armed=is_armed))
-    for mask in (OWN, 0, 0, 0, 0, OWN, 0, 0, 0, 0):
-        watched.now += 0.3
-        watched.requests.take(SimpleNamespace(valid_registrations_mask=mask))
+    for mask in (ALL, 0, 0, 0, 0, ALL, 0, 0, 0, 0):
+        watched.ask(valid_registrations_mask=mask)
     assert not watched.told
-    watched.now += 0.3
-    watched.requests.take(SimpleNamespace(valid_registrations_mask=0b1))
-    assert len(watched.told) == count
+    watched.ask(valid_registrations_mask=0b1)
+    assert watched.told == ["the vehicle has removed what was registered"] * count
+    assert watched.lost == [ALL] * count
+
+
+@pytest.mark.parametrize("lost", [OWN, ALONE])
+def test_only_what_is_not_asked_for_is_lost(lost: int, watched: Watched) -> None:
+    watched.take(status(50.0))
+    for _ in range(5):
+        watched.ask(valid_registrations_mask=ALL & ~lost)
+    assert watched.lost == [lost]
 
 
 def test_requests_that_have_waited_for_a_program_that_hung_are_not_counted(watched: Watched) -> None:
@@ -114,12 +133,29 @@ def test_requests_that_have_waited_for_a_program_that_hung_are_not_counted(watch
         watched.requests.take(SimpleNamespace(valid_registrations_mask=0))
     assert not watched.told
     watched.now += 0.3
-    watched.requests.take(SimpleNamespace(valid_registrations_mask=OWN))
+    watched.requests.take(SimpleNamespace(valid_registrations_mask=ALL))
     assert not watched.told
 
 
 def test_releases_without_a_mask_are_not_judged_by_it(watched: Watched) -> None:
     watched.take(status(50.0))
     for _ in range(10):
-        watched.requests.take(SimpleNamespace(request_id=1))
+        watched.ask(request_id=1)
     assert not watched.told
+
+
+@pytest.mark.parametrize(("pause", "is_lost"), [(0.9, False), (1.3, True)])
+def test_without_a_mask_a_check_without_a_mode_is_lost_in_a_gap(
+    pause: float, *, is_lost: bool, watched: Watched
+) -> None:
+    """It is registered again once the vehicle is disarmed. Modes may have been kept."""
+    watched.take(status(50.0, is_armed=True))
+    watched.ask(request_id=1)
+    watched.ask(request_id=5, after=pause)
+    watched.ask(request_id=6)
+    assert not watched.told
+    watched.take(status(52.0))
+    watched.ask(request_id=7)
+    assert watched.lost == ([ALONE] if is_lost else [])
+    watched.ask(request_id=8)
+    assert len(watched.lost) == is_lost

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 from fuzz.payloads import targets
-from msggen.flight import ATTITUDE, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
+from msggen.flight import ATTITUDE, Check, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
 from msggen.flight.executor import Start
 from msggen.messages.nav_states import EXTERNAL, OFFBOARD
 from msggen.sim import Options
@@ -77,6 +77,13 @@ class Watched(NearVehicle):
         super().publish(topic, message)
 
 
+def _problems(chance: Random) -> Any:
+    found = chance.random()
+    if found < 0.001:
+        raise PlannedError
+    return [Problem("wanders_no")] if found > 0.999 else ()
+
+
 class Wanders(Mode, name="Wanders"):
     """Flies somewhere by several kinds of setpoints, and ends in several ways."""
 
@@ -86,10 +93,7 @@ class Wanders(Mode, name="Wanders"):
         self.chance = chance
 
     def problems(self) -> Any:
-        found = self.chance.random()
-        if found < 0.001:
-            raise PlannedError
-        return [Problem("wanders_no")] if found > 0.999 else ()
+        return _problems(self.chance)
 
     async def fly(self) -> None:
         chance = self.chance
@@ -114,6 +118,16 @@ class Wanders(Mode, name="Wanders"):
 
 class Circles(Wanders, name="Circles"):
     """The mode of an executor."""
+
+
+class Doors(Check, name="Doors"):
+    """Seldom holds the vehicle back."""
+
+    def __init__(self, chance: Random) -> None:
+        self.chance = chance
+
+    def problems(self) -> Any:
+        return _problems(self.chance)
 
 
 class Tours(Executor):
@@ -233,7 +247,7 @@ async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
         loop.call_later(seconds, WORLD[name], vehicle, value)
     with suppress(FlightError):
         async with Flight(vehicle) as flight:
-            await flight.add(Wanders(chance), Circles(chance), Tours(chance))
+            await flight.add(Wanders(chance), Circles(chance), Tours(chance), Doors(chance))
             for name, share in case.acts:
                 told.arms += name == "arm"
                 with suppress(FlightError, PlannedError, TimeoutError):
@@ -245,6 +259,7 @@ async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
     await asyncio.sleep(3.0)
     if is_removed:  # in flight, PX4 keeps a mode that is selected
         assert not vehicle.world.commander.components.modes
+        assert not vehicle.world.commander.checks.registered
 
 
 def _is_expected(context: dict[str, Any]) -> bool:

@@ -42,10 +42,12 @@ NAMES = (
     "sessions",
     "events",
     "flights",
+    "measurements",
     "records",
     "stalls",
     "owners",
     "editors",
+    "missions",
 )
 """The campaigns, each a module of this package."""
 

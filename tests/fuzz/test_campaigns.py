@@ -141,10 +141,12 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.link.xrce.session.REPLIES", 4096),
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
+    "measurements": ("msggen.flight.measurements._positive", lambda numbers, _: numbers),
     "stalls": ("msggen.link.xrce.streams.ReliableOutput.expire", lambda *_: 0),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
     "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),
     "editors": ("msggen.lsp.project.State.is_whole", lambda *_: True),
+    "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""

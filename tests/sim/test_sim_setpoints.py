@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from msggen.generate.cache import package_of
 from msggen.messages.commands import ACCEPTED, ARM_DISARM
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND
+from msggen.messages.setpoints import ACTUATORS, THRUST_AND_TORQUE
 from msggen.sim.flight import NAN, ZERO, Push
 from msggen.sim.parameters import PARAMETERS
 from msggen.sim.world import STEP, World
@@ -27,14 +28,18 @@ from support.sim_world import (
     TRAJECTORY,
     Attitude,
     Goto,
+    Motors,
     Program,
     Rates,
+    Servos,
     Setpoint,
+    Thrust,
+    Torque,
     speed_of,
+    world_of,
 )
 from support.simulation import topics_of
 
-DIRECT_ACTUATORS, THRUST_AND_TORQUE = 1, 15
 FORWARD = Setpoint((NAN, NAN, -2.5), (3.0, 0.0, NAN))
 meters = st.floats(-20, 20)
 
@@ -219,7 +224,7 @@ def test_attitude_and_rates_lift_the_vehicle_at_once_and_are_used_for_ever(kind:
     assert program.world.mode == program.mode
 
 
-@pytest.mark.parametrize("kind", [None, TRAJECTORY, RATES, DIRECT_ACTUATORS, THRUST_AND_TORQUE])
+@pytest.mark.parametrize("kind", [None, TRAJECTORY, RATES, ACTUATORS.number, THRUST_AND_TORQUE.number])
 def test_an_attitude_needs_its_type_of_setpoints(kind: int | None) -> None:
     """Direct actuators, thrust and torque are not simulated: the vehicle holds."""
     program = flying(kind)
@@ -308,6 +313,57 @@ def test_goto_and_trajectory_do_not_lift_the_vehicle(message: Any) -> None:
     program.send(0.3, program.publish(message), 30)
     assert not program.world.is_armed
     assert program.world.flight.position == ZERO
+
+
+# Thrust and torque, and actuators
+
+
+@pytest.mark.parametrize(
+    ("torque", "motors", "turn"),
+    [
+        ((0.1, 0.0, 0.0), (0.4, 0.6, 0.6, 0.4), (1.0, 0.0, 0.0)),
+        ((0.0, -0.1, 0.0), (0.4, 0.6, 0.4, 0.6), (0.0, -1.0, 0.0)),
+        ((0.0, 0.0, 0.1), (0.6, 0.6, 0.4, 0.4), (0.0, 0.0, 1.0)),
+    ],
+)
+def test_torque_and_motors_turn_the_vehicle_the_same_way(torque: Any, motors: Any, turn: Any) -> None:
+    by_torque, by_motors = flying(THRUST_AND_TORQUE.number), flying(ACTUATORS.number)
+    by_torque.publish_all(0.3, Thrust(), Torque(torque))
+    by_motors.publish_all(0.3, Motors(motors + (NAN,) * 8))
+    assert by_torque.world.flight.rates == pytest.approx([0.6 * each for each in turn], abs=1e-6)
+    assert by_motors.world.flight.rates == pytest.approx([0.6 * each for each in turn], abs=1e-6)
+
+
+def test_a_thrust_counts_from_the_next_torque_on() -> None:
+    program = flying(THRUST_AND_TORQUE.number)
+    program.publish_all(1.0, Thrust(), Torque())
+    assert program.world.flight.velocity[2] == pytest.approx(0.0, abs=0.1)
+    program.publish_all(1.0, Thrust((0.0, 0.0, -0.8)))
+    assert program.world.flight.velocity[2] == pytest.approx(0.0, abs=0.1)
+    program.publish_all(1.0, Torque())
+    assert program.world.flight.velocity[2] < -1.0
+
+
+def test_motors_lift_and_stop() -> None:
+    program = Program()
+    program.enter(ACTUATORS.number)
+    assert program.command(ARM_DISARM, ARM) == ACCEPTED
+    program.publish_all(2.0, Motors((0.6,) * 4))
+    assert program.world.flight.velocity[2] < -0.5
+    program.can_tumble, program.most_speed = True, 30.0
+    program.publish_all(0.5, Motors((NAN,) * 4))
+    assert program.world.flight.thrust < 0.1
+
+
+@pytest.mark.parametrize(("vehicle", "servos"), [("rover", Servos((1.0,))), ("differential", None)])
+def test_motors_drive_a_rover(vehicle: str, servos: Servos | None) -> None:
+    program = Program(world_of(vehicle))
+    program.enter(ACTUATORS.number)
+    program.command(ARM_DISARM, ARM)
+    motors = Motors((0.5,) if servos else (0.4, 0.6))
+    program.publish_all(4.0, *([Motors((*motors.control, NAN)), servos] if servos else [motors]))
+    assert speed_of(program) == pytest.approx(1.6, abs=0.05)
+    assert program.world.flight.rates[2] > 0.2
 
 
 # In modes that are not the program's

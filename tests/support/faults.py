@@ -129,6 +129,20 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "no attitude": _fault("no attitude", "`q_d` with zeros", "SETPOINT_EMPTY", *_ON_GROUND),
         "upward": _fault("z is taken as upward", "a position with z = 5", "SETPOINT_DOWNWARD", *_ON_GROUND),
         "thrust": _fault("thrust is taken as upward", "`thrust_body[2]` = 0.7", "SETPOINT_DOWNWARD", *_ON_GROUND),
+        "half a place": _fault(
+            "a camera measures x and y only", "VehicleOdometry with NaN in z", "MEASUREMENT_DROPPED"
+        ),
+        "motion capture": _fault(
+            "a program names the topic of motion capture", "vehicle_mocap_odometry", "MEASUREMENT_DROPPED"
+        ),
+        "late camera": _fault(
+            "a camera needs half a second", "`timestamp_sample` 0.5 s before it is sent", "MEASUREMENT_TIME"
+        ),
+        "early camera": _fault("the clock of a camera is wrong", "a time in 3 s", "MEASUREMENT_TIME"),
+        "slow camera": _fault("a camera sees little", "VehicleOdometry at 3 Hz", "MEASUREMENT_SLOW"),
+        "unfused camera": _fault(
+            "the vehicle uses GPS only", "VehicleOdometry without EKF2_EV_CTRL", "MEASUREMENT_UNFUSED"
+        ),
         "no position": _fault(
             "the vehicle has no position, and refuses to arm",
             "`msggen sim --no-position`, and a command to arm",

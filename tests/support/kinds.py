@@ -18,7 +18,7 @@ from msggen.messages.setpoints import (
     ROVER_POSITION,
     ROVER_THROTTLE,
     SENT,
-    THRUST_TORQUE,
+    THRUST_AND_TORQUE,
     TRAJECTORY,
     Kind,
 )
@@ -41,7 +41,7 @@ CALLS: Mapping[Kind, Callable[[Mode], Any]] = {
     ATTITUDE: lambda mode: mode.attitude(UPRIGHT, thrust=0.5),
     RATES: lambda mode: mode.rates(roll=0.0, pitch=0.0, yaw=0.1, thrust=0.5),
     FIXED_WING: lambda mode: mode.fixed_wing(course_deg=90.0),
-    THRUST_TORQUE: lambda mode: mode.thrust_torque(thrust=(0.1, 0.0, -0.5), torque=(0.0, 0.0, 0.0)),
+    THRUST_AND_TORQUE: lambda mode: mode.thrust_torque(thrust=(0.1, 0.0, -0.5), torque=(0.0, 0.0, 0.0)),
     ACTUATORS: lambda mode: mode.actuators(motors=[0.5] * 4, servos=[0.1]),
     ROVER_POSITION: lambda mode: mode.goto((500.0, 0.0, 0.0)),
     **{

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from msggen.messages.commands import ACCEPTED, ARM_DISARM, SET_NAV_STATE, TAKEOFF
 from msggen.messages.nav_states import HOLD, LAND
+from msggen.sim.airframes import AIRFRAMES, airframe_of
 from msggen.sim.attitude import Quaternion, Vector
 from msggen.sim.commander.checks import Reply
 from msggen.sim.commander.components import Registration
+from msggen.sim.commander.rules import V1_18, Rules
 from msggen.sim.flight import FREE, GRAVITY, NAN, ZERO
+from msggen.sim.parameters import PARAMETERS
 from msggen.sim.world import STEP, World
 
 SECOND = 1_000_000
@@ -74,6 +77,121 @@ class Rates(NamedTuple):
     thrust_body: Vector = (0.0, 0.0, -0.5)
 
 
+class Thrust(NamedTuple):
+    """A VehicleThrustSetpoint."""
+
+    xyz: Vector = (0.0, 0.0, -0.5)
+
+
+class Torque(NamedTuple):
+    """A VehicleTorqueSetpoint."""
+
+    xyz: Vector = ZERO
+
+
+class Motors(NamedTuple):
+    """An ActuatorMotors."""
+
+    control: tuple[float, ...]
+
+
+class Servos(NamedTuple):
+    """An ActuatorServos."""
+
+    control: tuple[float, ...]
+
+
+class Lateral(NamedTuple):
+    """A FixedWingLateralSetpoint."""
+
+    course: float = NAN
+    airspeed_direction: float = NAN
+    lateral_acceleration: float = NAN
+
+
+class Longitudinal(NamedTuple):
+    """A FixedWingLongitudinalSetpoint."""
+
+    altitude: float = NAN
+    height_rate: float = NAN
+    equivalent_airspeed: float = NAN
+    pitch_direct: float = NAN
+    throttle_direct: float = NAN
+
+
+class LateralLimits(NamedTuple):
+    """A LateralControlConfiguration."""
+
+    lateral_accel_max: float = NAN
+
+
+class LongitudinalLimits(NamedTuple):
+    """A LongitudinalControlConfiguration."""
+
+    climb_rate_target: float = NAN
+    sink_rate_target: float = NAN
+
+
+class RoverPosition(NamedTuple):
+    """A RoverPositionSetpoint."""
+
+    position_ned: tuple[float, float]
+    cruising_speed: float = NAN
+    arrival_speed: float = NAN
+
+
+class Speed(NamedTuple):
+    """A RoverSpeedSetpoint."""
+
+    speed_body_x: float
+
+
+class Throttle(NamedTuple):
+    """A RoverThrottleSetpoint."""
+
+    throttle_body_x: float
+
+
+class Yaw(NamedTuple):
+    """A RoverAttitudeSetpoint."""
+
+    yaw_setpoint: float
+
+
+class YawRate(NamedTuple):
+    """A RoverRateSetpoint."""
+
+    yaw_rate_setpoint: float
+
+
+class Steering(NamedTuple):
+    """A RoverSteeringSetpoint."""
+
+    normalized_steering_setpoint: float
+
+
+_TOPICS = {
+    Lateral: "fixed_wing_lateral_setpoint",
+    Longitudinal: "fixed_wing_longitudinal_setpoint",
+    LateralLimits: "lateral_control_configuration",
+    LongitudinalLimits: "longitudinal_control_configuration",
+    RoverPosition: "rover_position_setpoint",
+    Speed: "rover_speed_setpoint",
+    Throttle: "rover_throttle_setpoint",
+    Yaw: "rover_attitude_setpoint",
+    YawRate: "rover_rate_setpoint",
+    Steering: "rover_steering_setpoint",
+}
+"""The topics of the setpoints of vehicles that are no multicopters."""
+
+
+def world_of(vehicle: str, parameters: Mapping[str, float] = {}, rules: Rules = V1_18) -> World:
+    """Return the world of a kind of vehicle."""
+    airframe = airframe_of(vehicle)
+    values = {**PARAMETERS, **airframe.parameters, **parameters}
+    return World(rules=rules, parameters=values, airframe=airframe)
+
+
 def rotated(q: Quaternion, vector: Vector) -> Vector:
     """Return a vector in body axes as one in NED, by the matrix of a quaternion."""
     w, x, y, z = q
@@ -94,6 +212,8 @@ class Pilot:
 
     def __init__(self, world: World | None = None) -> None:
         self.world = world or World()
+        if self.world.airframe != AIRFRAMES["multicopter"]:
+            self.most_acceleration, self.most_speed = 40.0, 40.0
         self.before = self.state()
 
     def state(self) -> tuple[Vector, Vector, Quaternion]:
@@ -199,14 +319,31 @@ class Program(Pilot):
         if kind is not None:
             assert self.world.commander.configure(self.mode, kind, is_applied=True)[0] == 0
 
+    def publish_all(self, seconds: float, *messages: Any) -> None:
+        """Send several setpoints at 30 Hz for some time."""
+        takers = [self.publish(each) for each in messages]
+
+        def publish(time: int) -> None:
+            for take in takers:
+                take(time)
+
+        self.send(seconds, publish, 30.0)
+
     def publish(self, message: Any) -> Callable[[int], None]:
         """Return a function that sends a setpoint."""
         setpoints = self.world.setpoints
+        if type(message) in _TOPICS:
+            handler = self.world.autopilot.handlers[_TOPICS[type(message)]]
+            return lambda time: handler(message, time)
         take = {
             Goto: setpoints.take_goto,
             Setpoint: setpoints.take_trajectory,
             Attitude: setpoints.take_attitude,
             Rates: setpoints.take_rates,
+            Thrust: setpoints.take_thrust,
+            Torque: setpoints.take_torque,
+            Motors: setpoints.take_motors,
+            Servos: setpoints.take_servos,
         }[type(message)]
         return lambda time: take(message, time)
 

@@ -196,6 +196,7 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
         yield Options(
             key=options.key + number,
             namespace=f"{namespace}_{number + 1}" if options.count > 1 else namespace,
+            vehicle=options.vehicle,
             rate=options.rate,
             sync=options.sync or ("px4" if options.speed in {None, 1.0} else "off"),
             seed=options.seed,

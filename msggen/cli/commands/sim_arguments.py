@@ -31,6 +31,13 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
         "--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated, instead of --px4"
     )
     group.add_argument(
+        "--vehicle",
+        metavar="KIND",
+        type=_vehicle,
+        default="multicopter",
+        help="multicopter, plane, vtol, tailsitter, rover or differential (default: multicopter)",
+    )
+    group.add_argument(
         "--count", metavar="N", type=whole(1, MOST_KEYS), default="1", help="number of vehicles (default: 1)"
     )
     group.add_argument(
@@ -124,6 +131,13 @@ def _parameter(text: str) -> tuple[str, float]:
     if not mark:
         raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")
     return name, finite.convert(value)
+
+
+@Deferred
+def _vehicle(text: str) -> str:
+    from msggen.sim.airframes import check_vehicle
+
+    return _checked(check_vehicle, text)
 
 
 @Deferred

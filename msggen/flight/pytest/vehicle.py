@@ -223,7 +223,6 @@ class SimVehicle(NearVehicle):
     def _receive(self, topic: str, message: Any) -> None:
         super()._receive(topic, message)
         if self._recording is not None:
-            message.timestamp = min(message.timestamp, self.time) or self.time
             self._recording.add(topic, message)
 
     def _send(self, topic: str, message: Any) -> None:

@@ -16,6 +16,8 @@ import struct
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.messages.events import CODES
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -107,20 +109,6 @@ _LARGEST = 4 << 20
 """The size of the JSON in bytes: that of PX4 v1.17 has 161 kB."""
 _MEMORY = 128 << 20
 """The memory in bytes that decompressing takes: `xz -9` needs 65 MiB."""
-_CODES: Mapping[str, str] = MappingProxyType(
-    {
-        "uint8_t": "B",
-        "int8_t": "b",
-        "uint16_t": "H",
-        "int16_t": "h",
-        "uint32_t": "I",
-        "int32_t": "i",
-        "uint64_t": "Q",
-        "int64_t": "q",
-        "float": "f",
-    }
-)
-"""The types of arguments, as `struct` names them."""
 
 
 class EventMetadataError(ValueError):
@@ -241,15 +229,15 @@ def _enums(components: Mapping[str, Any]) -> Mapping[str, Enum]:
 def _enum(content: Mapping[str, Any]) -> Enum | None:
     """Return an enum, None for one without a type of integers."""
     type_ = _text(content.get("type"))
-    if type_ not in _CODES or type_ == "float":
+    if type_ not in CODES or type_ == "float":
         return None
     names: dict[int, str] = {}
     for key, entry in _object(content.get("entries")).items():
         value, own = _number(key), _object(entry)
         if value is not None:
             names[value] = _text(own.get("description", own.get("name")))
-    bits = struct.calcsize(_CODES[type_]) * 8 if content.get("is_bitfield") is True else 0
-    return Enum(_CODES[type_], MappingProxyType(names), bits, _text(content.get("separator", "|")))
+    bits = struct.calcsize(CODES[type_]) * 8 if content.get("is_bitfield") is True else 0
+    return Enum(CODES[type_], MappingProxyType(names), bits, _text(content.get("separator", "|")))
 
 
 def _definition(event: object, group: str, namespace: str, enums: Mapping[str, Enum]) -> Definition | None:
@@ -261,8 +249,8 @@ def _definition(event: object, group: str, namespace: str, enums: Mapping[str, E
     names, codes, found = [], "", []
     for argument in map(_object, arguments):
         type_ = _text(argument.get("type"))
-        enum = None if type_ in _CODES else enums.get(type_ if "::" in type_ else f"{namespace}::{type_}")
-        code = _CODES.get(type_) if enum is None else enum.code
+        enum = None if type_ in CODES else enums.get(type_ if "::" in type_ else f"{namespace}::{type_}")
+        code = CODES.get(type_) if enum is None else enum.code
         if code is None:
             return None
         names.append(_text(argument.get("name")))

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+_AUXILIARY: Final = {f"EKF2_AGP{number}_{name}": 0.0 for number in range(4) for name in ("CTRL", "ID")}
+_BEFORE: Final[Mapping[str, float]] = {"EKF2_EV_CTRL": 0.0, "EKF2_AGP_CTRL": 0.0}
 
 
 class Rules(NamedTuple):
@@ -28,10 +32,14 @@ class Rules(NamedTuple):
     """Whether a VTOL can go to forward flight in the mode of a program: its pusher starts there, as from v1.17 on."""
     api_version: int = 2
     """The version of the interface that replies carry: LATEST_PX4_ROS2_API_VERSION."""
+    estimator: Mapping[str, float] = {"EKF2_EV_CTRL": 0.0, **_AUXILIARY}
+    """The parameters of measurements whose names or defaults differ, with their defaults."""
+    auxiliary_patience: int = 7_000_000
+    """The time in us for which global positions are rejected until the position is reset to them."""
 
 
 V1_18 = Rules()
-V1_17 = Rules(configures_setpoints=False, api_version=1)
-V1_16 = V1_17._replace(most_age=None, asks_executor=False, pushes_in_modes=False)
-V1_15 = V1_16._replace(misses=3, first_misses=3)
+V1_17 = Rules(configures_setpoints=False, api_version=1, estimator=_BEFORE)
+V1_16 = V1_17._replace(most_age=None, asks_executor=False, pushes_in_modes=False, auxiliary_patience=1_000_000)
+V1_15 = V1_16._replace(misses=3, first_misses=3, estimator={**_BEFORE, "EKF2_EV_CTRL": 15.0})
 V1_15_SITL = V1_15._replace(always_registers=True)

@@ -1,0 +1,139 @@
+"""What programs send to the estimator of a vehicle: whether EKF2 can use it, and whether it does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from statistics import median
+
+from msggen.check.finding import Change
+from msggen.doctor.case import Case
+from msggen.doctor.observation import VehicleSeen
+from msggen.doctor.setpoints import Sent, Values, sent
+from msggen.messages.measurements import (
+    GLOBAL,
+    LOCAL,
+    NEAREST,
+    NED,
+    OLDEST,
+    PLACE,
+    SLOWEST,
+    UNREAD,
+    Part,
+    dropped,
+    reason,
+    taken,
+)
+
+_FUTURE = 0.05
+"""How far in s the time of a measurement is ahead of its arrival, to be reported: clocks differ a little."""
+_FIRST_UTC = 1e15
+"""Times in us below are times since boot, which PX4 takes for the time of arrival while clocks are synchronized."""
+_SEEN = 1.5
+"""The time in s for which measurements must have been seen: EKF2 begins within 1 s."""
+
+
+def measured(case: Case, vehicle: VehicleSeen) -> Iterator[tuple[str, Sent]]:
+    """Yield the measurements that programs send to a vehicle, with the names of their uORB topics."""
+    found = sent(case, vehicle)
+    yield from ((name, found[name]) for name in (LOCAL, GLOBAL) if name in found)
+
+
+def find_dropped(case: Case) -> Iterator[Change]:
+    """Find measurements that EKF2 drops because of their values."""
+    for vehicle in case.alive:
+        unread = sent(case, vehicle).get(UNREAD)
+        if unread is not None:
+            yield case.change(
+                unread.route.name,
+                f"'{unread.route.name}' from {unread.senders} is not read by EKF2: publish the same on {LOCAL}",
+            )
+        for name, each in measured(case, vehicle):
+            for problem in _dropped(name, each.values):
+                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
+
+
+def _dropped(name: str, values: Values) -> Iterator[str]:
+    if name == LOCAL:
+        yield from dropped(values) if values else ()
+    elif not all(math.isfinite(values.get(field, 0.0)) for field in ("lat", "lon")):
+        yield "has no finite `lat` and `lon`, and EKF2 drops it: set both in degrees"
+
+
+def find_wrong_times(case: Case) -> Iterator[Change]:
+    """Find measurements that EKF2 does not use because of their times."""
+    for vehicle in case.alive if case.seen.hears_programs else ():
+        for _, each in measured(case, vehicle):
+            problem = _wrong_time(case, vehicle, each)
+            if problem:
+                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
+
+
+def _wrong_time(case: Case, vehicle: VehicleSeen, each: Sent) -> str:
+    stamps = [(sample.time / 1e3, sample.values.get("timestamp_sample", 0)) for sample in each.seen.last]
+    known = [(arrival, stamp) for arrival, stamp in stamps if stamp >= _FIRST_UTC]
+    if not known:
+        return ""
+    age = median(arrival - stamp for arrival, stamp in known) / 1e6
+    if case.has_utc(vehicle) and age > OLDEST:
+        return (
+            f"is {age:.2f} s old by `timestamp_sample`, and EKF2 uses nothing that is older than {OLDEST:g} s: send it "
+            "sooner, or correct the clock of the camera"
+        )
+    if case.has_utc(vehicle) and age < -_FUTURE:
+        return (
+            f"is {-age:.2f} s in the future by `timestamp_sample`, and PX4 takes the time of arrival instead: set the "
+            "time of the measurement, in us of this computer's clock"
+        )
+    steps = [after - before for (_, before), (_, after) in pairwise(known)]
+    if steps and median(steps) < NEAREST * 1e6:
+        return (
+            f"has a `timestamp_sample` each {median(steps) / 1e3:.1f} ms, and EKF2 drops what is nearer than "
+            f"{NEAREST * 1e3:g} ms to the one before: send 10 to 50 a second, each with its own time"
+        )
+    return ""
+
+
+def find_slow(case: Case) -> Iterator[Change]:
+    """Find measurements that come too rarely."""
+    for vehicle in case.alive:
+        for name, each in measured(case, vehicle):
+            if name == LOCAL and 0 < each.seen.rate < SLOWEST:
+                yield case.change(
+                    each.route.name,
+                    f"'{each.route.name}' from {each.senders} comes at {each.seen.rate:.1f} Hz, and EKF2 starts to "
+                    f"fuse at {SLOWEST:g} Hz: send 10 to 50 a second",
+                )
+
+
+def find_unfused(case: Case) -> Iterator[Change]:
+    """Find measurements that EKF2 could use, and does not."""
+    for vehicle in case.alive:
+        flags = vehicle.state("estimator_status_flags")
+        for name, each in measured(case, vehicle) if flags else ():
+            missing = [part for part in _meant(name, each.values) if flags.get(part.flag) is False]
+            if not missing or not _is_good(case, vehicle, name, each):
+                continue
+            yield case.change(
+                each.route.name,
+                f"'{each.route.name}' from {each.senders} is not fused ({', '.join(part.flag for part in missing)} of "
+                f"estimator_status_flags are false): {_reasons(missing, flags, each.values)}",
+            )
+
+
+def _meant(name: str, values: Values) -> list[Part]:
+    return sorted(taken(values), key=lambda part: part.bit) if name == LOCAL else [PLACE]
+
+
+def _is_good(case: Case, vehicle: VehicleSeen, name: str, each: Sent) -> bool:
+    """Whether nothing is wrong with measurements, which have been sent for some time."""
+    is_known = each.seen.samples >= each.seen.rate * _SEEN and bool(each.values)
+    is_fast = name == GLOBAL or each.seen.rate >= SLOWEST
+    return is_known and is_fast and not _wrong_time(case, vehicle, each) and not [*_dropped(name, each.values)]
+
+
+def _reasons(missing: list[Part], flags: Values, values: Values) -> str:
+    is_ned, has_ids = values.get("pose_frame", NED) == NED, "id" in values
+    found = [reason(part, flags, is_ned=is_ned, has_ids=has_ids, identity=int(values.get("id", 1))) for part in missing]
+    return "; ".join(dict.fromkeys(found))

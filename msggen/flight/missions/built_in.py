@@ -1,0 +1,106 @@
+"""The actions that every mission has, by the names that files use."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from logging import getLogger
+from types import MappingProxyType
+from typing import Final
+
+from msggen.flight.errors import FlightError
+from msggen.flight.missions.handler import Action, Arguments, Handler
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, ActionItem
+from msggen.messages.nav_states import DESCEND
+
+LOGGER = getLogger("msggen.flight")
+TAKEOFF = "takeoff"
+_LAND, _RETURN, _CHANGE = "land", "rtl", "changeSettings"
+_HOLD_SECONDS = 1.0
+
+
+class _Takeoff(Action):
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        await handler.vehicle.takeoff(above_sea=arguments.get("altitude"))
+
+
+class _Land(Action):
+    async def run(self, handler: Handler, _: Arguments) -> None:
+        await handler.vehicle.land()
+
+
+class _Return(Action):
+    def stops(self, _: Arguments) -> bool:
+        return False
+
+    async def run(self, handler: Handler, _: Arguments) -> None:
+        await handler.vehicle.return_home()
+
+
+class _Hold(Action):
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        await handler.vehicle.hold()
+        await asyncio.sleep(arguments.get("duration", _HOLD_SECONDS))
+
+
+class _ChangeSettings(Action):
+    def stops(self, _: Arguments) -> bool:
+        return False
+
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        if arguments.get("resetAll"):
+            handler.settings = handler.plan.defaults
+            handler.forget(_CHANGE)
+        else:
+            handler.settings = handler.settings.merged(arguments)
+            handler.store(_CHANGE, handler.settings.arguments)
+
+
+class _OnResume(Action):
+    """Goes on in the air. On the ground, takes off and flies to the waypoint before the current item first."""
+
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        index = handler.index
+        if arguments["action"] != "resume" or index == 0:
+            return
+        if not await handler.has_landed() or handler.resumes_on_ground:
+            return
+        item = handler.plan.items[index]
+        if isinstance(item, ActionItem) and item.name in {_LAND, _RETURN}:  # it has landed
+            handler.index = (index + 1) % len(handler.plan.items)
+            return
+        takeoff = handler.plan.last_action(TAKEOFF, index)
+        if takeoff is None:
+            LOGGER.warning("the mission goes on from the ground, without a takeoff: it has none before this item")
+            return
+        await handler.run_action(TAKEOFF, takeoff.document)
+        waypoint = handler.plan.last_waypoint(index)
+        if waypoint is not None:
+            await handler.fly_to([waypoint.place], stop=False)
+
+
+class _OnFailure(Action):
+    """Returns home, or descends if that fails."""
+
+    async def run(self, handler: Handler, _: Arguments) -> None:
+        try:
+            await handler.vehicle.return_home()
+        except FlightError as error:
+            LOGGER.warning("the vehicle descends: %s", error)
+            try:
+                await handler.vehicle.set_mode(DESCEND)
+            except FlightError as second:
+                LOGGER.warning("nothing more is done about the mission: %s", second)
+
+
+BUILT_IN: Final[Mapping[str, Action]] = MappingProxyType(
+    {
+        TAKEOFF: _Takeoff(),
+        _LAND: _Land(),
+        _RETURN: _Return(),
+        "hold": _Hold(),
+        _CHANGE: _ChangeSettings(),
+        ON_RESUME: _OnResume(),
+        ON_FAILURE: _OnFailure(),
+    }
+)

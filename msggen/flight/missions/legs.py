@@ -1,0 +1,132 @@
+"""The mode of a mission: it flies from waypoint to waypoint."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from msggen.flight.checks import Problem
+from msggen.flight.errors import LimitError, NoAnswerError
+from msggen.flight.feeds import Feeds
+from msggen.flight.missions.plan import Settings
+from msggen.flight.mode import Mode
+from msggen.flight.places import GlobalPlace, local_place
+from msggen.flight.requirements import GLOBAL_POSITION
+from msggen.flight.space import Vector, wrapped
+from msggen.messages import earth
+
+_PASSED, _REACHED = 2.0, 1.0
+"""The distances in m within which a waypoint is reached, if the vehicle goes on or stops there."""
+_NO_COURSE = 0.1
+"""The horizontal distance in m to a waypoint below which the direction to it says nothing."""
+_TURNED = math.radians(3)
+"""The change of the direction to a waypoint after which the vehicle is turned."""
+
+
+class Segment(NamedTuple):
+    """Waypoints to fly to, one after the other."""
+
+    places: Sequence[GlobalPlace]
+    settings: Settings
+    stops: bool
+    """Whether the vehicle stops at the last one."""
+    reached: Callable[[int], None]
+    """Called with the number of each waypoint that is reached."""
+
+
+class MissionMode(Mode):
+    """Flies to the waypoints of a segment, which the executor of the mission sets."""
+
+    requires = GLOBAL_POSITION
+    segment: Segment
+    unready: Callable[[], Sequence[str]]
+    """Returns why the mission cannot be flown, as texts."""
+
+    @property
+    def feeds(self) -> Feeds:
+        """The messages of the vehicle."""
+        return self._own.feeds
+
+    def problems(self) -> list[Problem]:
+        """Let PX4 not enter the mode while the mission cannot be flown."""
+        return [Problem("mission_not_ready")] if self.unready() else []
+
+    def beyond(self, places: Iterable[tuple[int, float, float, float]]) -> list[str]:
+        """Return which items have places that `goto` would refuse, as texts.
+
+        A place is the index of its item, the latitude, the longitude and the altitude, NaN for any. Nothing is found
+        while the vehicle does not know where it is.
+        """
+        here = self.feeds["vehicle_local_position"].latest if self.is_registered else None
+        found: list[str] = []
+        if here is None or not (here.xy_global and here.z_global):
+            return found
+        for index, latitude, longitude, altitude in places:
+            north, east = earth.local((here.ref_lat, here.ref_lon), latitude, longitude)
+            try:
+                self._own.check_goto(Vector(north, east, here.ref_alt - altitude))
+            except LimitError as error:
+                found.append(f"item {index} is {error}")
+            except NoAnswerError:  # there is no home position yet
+                break
+        return found
+
+    async def fly(self) -> None:
+        """Fly the segment."""
+        places, settings, stops, reached = self.segment
+        for number, place in enumerate(places):
+            is_end = stops and number == len(places) - 1
+            await self._fly_to(place, settings, _REACHED if is_end else _PASSED)
+            reached(number)
+
+    async def _fly_to(self, place: GlobalPlace, settings: Settings, within: float) -> None:
+        """Fly to a place, and return when it is near. A vehicle that can turn on the spot faces the place."""
+        goal = await local_place(self.feeds, place, "ned")
+        limits: dict[str, Any] = {"max_speed": settings.horizontal_velocity, "max_climb": settings.vertical_velocity}
+        if not self._is_rotary:  # it faces where it flies, and arrives by a radius of its own
+            await self.goto(place, **limits)
+            return
+        if settings.max_heading_rate is not None:
+            limits["max_turn_rate"] = math.radians(settings.max_heading_rate)
+        while True:
+            heading = course(await self.position(), goal)
+            arriving = self.feeds["vehicle_local_position"].following(partial(_is_due, goal, within, heading))
+            await first(self.goto(place, heading=heading, within=within, **limits), arriving)
+            if (await self.position()).distance(goal) < within:
+                return
+
+    @property
+    def _is_rotary(self) -> bool:
+        status = self.feeds["vehicle_status"].latest
+        return status is None or bool(status.vehicle_type == status.VEHICLE_TYPE_ROTARY_WING)
+
+
+def course(here: Vector, goal: Vector) -> float | None:
+    """Return the heading in rad from one place to another, None if they are above each other."""
+    north, east = goal.x - here.x, goal.y - here.y
+    return math.atan2(east, north) if math.hypot(north, east) > _NO_COURSE else None
+
+
+def _is_due(goal: Vector, within: float, heading: float | None, estimate: Any) -> bool:
+    """Whether a VehicleLocalPosition is near a place, or shows it in another direction than `heading`."""
+    here = Vector(estimate.x, estimate.y, estimate.z)
+    now = course(here, goal)
+    if now is None or heading is None:
+        return here.distance(goal) < within or now != heading
+    return here.distance(goal) < within or abs(wrapped(now - heading)) > _TURNED
+
+
+async def first(*coroutines: Any) -> None:
+    """Run coroutines until the first one ends, and end the others. Raises what that one raises."""
+    tasks = [asyncio.ensure_future(each) for each in coroutines]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for each in done:
+            each.result()
+    finally:
+        for each in tasks:
+            each.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,0 +1,359 @@
+"""A mission as an executor: it flies the items, goes on after an interruption, and handles failures."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from logging import getLogger
+from types import new_class
+from typing import Any, TypeAlias
+
+from msggen.base.diagnostics import InputError
+from msggen.flight.errors import FlightError, NotReachedError, report
+from msggen.flight.executor import Executor
+from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF
+from msggen.flight.missions.handler import (
+    Action,
+    Arguments,
+    Handler,
+    MissionError,
+    Progress,
+)
+from msggen.flight.missions.legs import MissionMode, first
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Plan, Waypoint
+from msggen.flight.missions.reading import read_mission, unknown_actions
+from msggen.flight.missions.state import StateFile
+from msggen.flight.states import is_disarmed
+from msggen.flight.telemetry import is_landed
+
+LOGGER = getLogger("msggen.flight")
+_DEEPEST = 11
+"""How often `onFailure` is called because it fails itself."""
+_GRACE = 0.5
+"""The time in s in which a mode ends because the vehicle is disarmed."""
+_LOOK = 0.5
+"""The period in s at which the file is looked at, and whether the mission is ready."""
+
+Function: TypeAlias = Callable[[Handler, Arguments], Coroutine[Any, Any, None]]
+
+
+class _FunctionAction(Action):
+    """An action that is an `async def` function."""
+
+    def __init__(self, function: Function) -> None:
+        self._function = function
+
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        await self._function(handler, arguments)
+
+
+class Mission(Executor):
+    """A mission of waypoints and actions, with a mode of its name. It begins when the vehicle is armed in the mode.
+
+    `actions` are those of the program, by the names that the file uses: objects of `Action`, or `async def` functions
+    of a Handler and the arguments. They replace built-in ones of the same name; None removes one. `state` is a file
+    that notes how far the mission has come. `on_progress` gets the index of each item that begins and, at the end, the
+    number of items.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        *,
+        name: str = "Mission",
+        actions: Mapping[str, Action | Function | None] | None = None,
+        state: str | os.PathLike[str] | None = None,
+        on_progress: Callable[[int], None] | None = None,
+    ) -> None:
+        """Raises InputError for actions that do not exist, and FlightError if `state` is another file."""
+        merged = {**BUILT_IN, **({} if actions is None else actions)}
+        self._table = {
+            key: each if isinstance(each, Action) else _FunctionAction(each)
+            for key, each in merged.items()
+            if each is not None
+        }
+        self._mode = new_class("MissionMode", (MissionMode,), {"name": name})()
+        self._mode.unready = self._told_unready
+        vars(self)["mode"] = self._mode  # that of this mission: several can be registered
+        self._state = None if state is None else StateFile(os.fspath(state))
+        self._progress = Progress(self._save, on_progress)
+        self._handler: Handler | None = None
+        self._abortion: asyncio.Future[None] | None = None
+        self._told: tuple[str, ...] = ()
+        self._due = -math.inf
+        """When `unready` is looked at again. The vehicle asks several times a second."""
+        self._path = ""
+        self._set(plan)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        name: str | None = None,
+        actions: Mapping[str, Action | Function | None] | None = None,
+        state: str | os.PathLike[str] | None = None,
+        on_progress: Callable[[int], None] | None = None,
+    ) -> Mission:
+        """Read a mission file. Its name is that of the file without the suffix.
+
+        Raises InputError, whose diagnostics have the places in the file, and FlightError if `state` is another file.
+        """
+        path = os.fspath(path)
+        stem = os.path.splitext(os.path.basename(path))[0]
+        plan = _read(path, actions or {})
+        made = cls(plan, name=name or stem, actions=actions, state=state, on_progress=on_progress)
+        made._path = path
+        return made
+
+    @property
+    def plan(self) -> Plan:
+        """The items of the mission. It can be set while the mission is not flown."""
+        return self._plan
+
+    @plan.setter
+    def plan(self, plan: Plan) -> None:
+        if self.is_running:
+            raise FlightError(f"mission {self._mode.name!r} is flown: set another plan when it has ended")
+        self._set(plan)
+
+    def _set(self, plan: Plan) -> None:
+        unknown = unknown_actions(plan.items, self._table)
+        if unknown:
+            raise InputError(unknown)
+        self._plan, self._checksum = plan, plan.checksum
+        found = self._state.load(self._checksum) if self._state is not None else None
+        is_within = found is not None and found[0] < len(plan.items)
+        self._progress.restore(*(found if found is not None and is_within else (None, {})))
+
+    async def follow(self, period: float = _LOOK) -> None:
+        """Read the file again when it changes, until this is cancelled. It is looked at with a period in s.
+
+        A broken file is told, and the mission stays as it was. One that is flown changes when it has ended.
+        """
+        seen = _stamp(self._path)
+        while True:
+            await asyncio.sleep(period)
+            found = _stamp(self._path)
+            if found == seen or self.is_running:
+                continue
+            seen = found
+            try:
+                self.plan = _read(self._path, self._table)
+            except InputError as error:
+                LOGGER.warning("the mission stays as it was: %s", error)
+            else:
+                LOGGER.info("mission %s: %d items, read again", self._mode.name, len(self._plan.items))
+
+    @property
+    def index(self) -> int | None:
+        """The index of the current item, None if the mission begins with the first one the next time."""
+        return self._progress.index
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the mission is flown."""
+        return self._handler is not None
+
+    @property
+    def unready(self) -> tuple[str, ...]:
+        """Why the mission cannot begin, each text once."""
+        found = [] if self._plan.items else ["the mission has no items"]
+        for item in self._plan.items:
+            if isinstance(item, ActionItem):
+                found += self._table[item.name].problems(item.document)
+        return tuple(dict.fromkeys([*found, *self._mode.beyond(self._places())]))
+
+    def _places(self) -> Iterator[tuple[int, float, float, float]]:
+        """Yield the places of items that are known before the flight."""
+        for index, item in enumerate(self._plan.items):
+            if isinstance(item, Waypoint):
+                yield index, item.place.latitude, item.place.longitude, item.place.altitude
+            elif self._table[item.name] is BUILT_IN[TAKEOFF] and "altitude" in item.arguments:
+                yield index, math.nan, math.nan, item.arguments["altitude"]
+
+    def _told_unready(self) -> tuple[str, ...]:
+        """Return `unready` before the mission, and log it when it has changed."""
+        if self.is_running:
+            return ()
+        now = asyncio.get_running_loop().time()
+        if now < self._due:
+            return self._told
+        found, self._due = self.unready, now + _LOOK
+        if found != self._told:
+            self._told = found
+            state = f"is not ready: {', '.join(found)}" if found else "is ready"
+            LOGGER.warning("mission %s %s", self._mode.name, state)
+        return self._told
+
+    def abort(self) -> None:
+        """Let the mission fail, with the reason `other`."""
+        if self._abortion is not None and not self._abortion.done():
+            self._abortion.set_exception(MissionError("other", "the program has aborted the mission", self.index))
+
+    async def run(self) -> None:
+        """Fly the mission. See Executor."""
+        self._progress.settings = self._plan.defaults
+        handler = self._renewed()
+        self._abortion = asyncio.get_running_loop().create_future()
+        try:
+            await first(self._fly(handler), self._abortion, self._until_disarmed())
+        except Exception as error:
+            failure = self._failure(error)
+            if is_disarmed(self._mode.feeds["vehicle_status"].latest):
+                raise self._disarmed() from error
+            await self._fail(failure)
+        finally:
+            self._abortion = None
+            self._end()
+
+    async def _fly(self, handler: Handler) -> None:
+        if self.unready:
+            raise MissionError("noValidMission", ", ".join(self.unready))
+        is_resuming = await self._resume(handler)
+        while handler.index < len(self._plan.items):
+            await self._run_item(handler, {RESUMING: True} if is_resuming else {})
+            is_resuming = False
+        if self._mode.is_active:
+            await handler.vehicle.hold()
+        LOGGER.info("mission %s is completed", self._mode.name)
+
+    async def _run_item(self, handler: Handler, more: Arguments) -> None:
+        """Run the current item, or waypoints up to the next action, and make what follows the current item."""
+        start = handler.index
+        item = self._plan.items[start]
+        if isinstance(item, ActionItem):
+            await handler.run_action(item.name, {**item.document, **more})
+            self._progress.index = handler.index + 1
+            return
+        waypoints, following = self._plan.segment(start)
+        stop = not following or any(self._table[each.name].stops(each.document) for each in following)
+
+        def reach(number: int) -> None:
+            self._progress.index = start + number + 1
+
+        await handler.fly_to([each.place for each in waypoints], stop=stop, reached=reach)
+
+    async def _until_disarmed(self) -> None:
+        """Raise NotReachedError when the vehicle is disarmed: that interrupts the mission."""
+        await self._mode.feeds["vehicle_status"].following(is_disarmed)
+        await asyncio.sleep(_GRACE)  # a landing that is completed by that ends the mission instead
+        raise self._disarmed()
+
+    def _disarmed(self) -> NotReachedError:
+        error = NotReachedError(f"mission {self._mode.name!r} was interrupted: the vehicle is disarmed")
+        error.is_handled = True
+        return error
+
+    async def _resume(self, handler: Handler) -> bool:
+        """Begin the mission, or go on. Return whether the current item runs once more."""
+        index = self._progress.index
+        self._progress.index = index or 0
+        if index is None:
+            return False
+        stored = self._progress.stored
+        if ON_RESUME in self._table:
+            await handler.run_action(ON_RESUME, {**stored.pop(ON_RESUME, {}), "action": "resume"})
+        if self._progress.index != index:
+            stored.clear()
+            return False
+        for name in [*stored]:
+            arguments = stored.pop(name)  # the action stores them again
+            if name in self._table:
+                await handler.run_action(name, arguments)
+        return True
+
+    async def _fail(self, failure: MissionError) -> None:
+        """Call `onFailure`, and raise the error: handled, or for the vehicle to return home."""
+        raised = failure
+        for level in range(1, _DEEPEST + 1):
+            LOGGER.error("mission %s has failed (%s): %s", self._mode.name, failure.reason, failure)
+            self._deactivate()
+            handler = self._renewed()
+            index = {} if self.index is None else {"currentIndex": self.index}
+            if ON_FAILURE not in self._table:
+                break
+            try:
+                await handler.run_action(ON_FAILURE, {"reason": failure.reason, "recursionLevel": level, **index})
+            except Exception as error:  # noqa: BLE001 - as above
+                failure = self._failure(error)
+            else:
+                raised.is_handled = True
+                break
+        raise raised
+
+    def _failure(self, error: Exception) -> MissionError:
+        if isinstance(error, MissionError):
+            return error
+        if isinstance(error, FlightError):
+            return MissionError("modeFailure", str(error), self.index)
+        report(f"an action of mission {self._mode.name!r} has failed", error)
+        return MissionError("other", f"{type(error).__name__}: {error}", self.index)
+
+    def _renewed(self) -> Handler:
+        """Return a new handler, and end the one before."""
+        if self._handler is not None:
+            self._handler.end()
+        self._handler = Handler(self._plan, self._table, self._progress, self, self._mode)
+        return self._handler
+
+    def _end(self) -> None:
+        """Note how far the mission has come, and end what its actions have left."""
+        index, last = self._progress.index, len(self._plan.items) - 1
+        if index is not None and (index > last or (index == last and self._is_on_ground())):
+            self._progress.clear()
+        elif index is not None and ON_RESUME in self._table:
+            arguments = {"action": "storeState"}
+            _run_at_once(self._table[ON_RESUME].run(self._renewed(), arguments))
+        self._deactivate()
+        if self._handler is not None:
+            self._handler.end()
+        self._handler = None
+
+    def _deactivate(self) -> None:
+        for name, action in self._table.items():
+            try:
+                action.deactivate()
+            except Exception as error:  # noqa: BLE001 - as above
+                report(f"`deactivate` of action {name!r} has failed", error)
+
+    def _is_on_ground(self) -> bool:
+        try:
+            return is_landed(self._mode.feeds)
+        except FlightError:  # the flight has ended
+            return False
+
+    def _save(self) -> None:
+        if self._state is not None:
+            self._state.save(self._checksum, self._progress.index, self._progress.stored)
+
+
+def _read(path: str, actions: Iterable[str]) -> Plan:
+    plan, warnings = read_mission(path, actions)
+    for each in warnings:
+        LOGGER.warning("%s", each)
+    return plan
+
+
+def _stamp(path: str) -> tuple[int, ...]:
+    """Return what differs for a file that was written again."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return ()
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
+def _run_at_once(coroutine: Coroutine[Any, Any, None]) -> None:
+    """Run a coroutine up to its first wait: the mission has lost the vehicle, and the program may be about to end."""
+    try:
+        coroutine.send(None)
+    except StopIteration:
+        return
+    except Exception as error:  # noqa: BLE001 - whatever an action raises
+        report("`onResume` has failed to store its state", error)
+        return
+    coroutine.close()
+    LOGGER.warning("`onResume` waits while it stores its state: what follows is not done")

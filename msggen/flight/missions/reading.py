@@ -1,0 +1,217 @@
+"""Mission files as plans: JSON of version 1, as px4-ros2-interface-lib reads it. All errors are found in one run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from msggen.base.checked import shortened
+from msggen.base.diagnostics import Diagnostic, InputError, input_error, sorted_out, suggestion
+from msggen.base.disk.reading import read_text
+from msggen.base.location import Location, Places
+from msggen.flight.missions.expected import (
+    ARGUMENTS,
+    ARRAY,
+    LATITUDE,
+    LONGITUDE,
+    NUMBER,
+    OBJECT,
+    POSITIVE,
+    TEXT,
+    Expected,
+)
+from msggen.flight.missions.located import BrokenError, Value, read
+from msggen.flight.missions.plan import (
+    HOOKS,
+    NAVIGATION,
+    RESERVED,
+    SETTINGS,
+    VERSION,
+    ActionItem,
+    Item,
+    Plan,
+    Settings,
+    Waypoint,
+)
+from msggen.flight.places import GlobalPlace
+
+_BROKEN, _WRONG, _UNKNOWN_ACTION, _UNSUPPORTED, _UNKNOWN_KEY, _SAME_ID = "F101", "F102", "F103", "F104", "F105", "F106"
+_WAYPOINT: Mapping[str, Expected] = {"x": LATITUDE, "y": LONGITUDE, "z": NUMBER}
+_DEFAULTS: Mapping[str, Expected] = dict.fromkeys(SETTINGS, POSITIVE)
+_ONLY: Mapping[str, str] = {"navigationType": "waypoint", "frame": "global"}
+"""The keys of waypoints that have one value."""
+
+
+class Read(NamedTuple):
+    """A plan, and the warnings about its file."""
+
+    plan: Plan
+    warnings: tuple[Diagnostic, ...]
+
+
+def read_mission(path: str, actions: Iterable[str] = ()) -> Read:
+    """Read a mission file. `actions` are the names of actions of the program.
+
+    Raises InputError, also for a file that cannot be read.
+    """
+    try:
+        text = read_text(path)
+    except OSError as error:
+        raise input_error(path, _BROKEN, f"cannot be read: {error.strerror}", 0) from None
+    except UnicodeDecodeError as error:
+        raise input_error(path, _BROKEN, f"byte {error.object[error.start]:#04x} is not UTF-8", 0) from None
+    return parse_mission(text, path, actions)
+
+
+def parse_mission(text: str, path: str, actions: Iterable[str] = ()) -> Read:
+    """Return the plan of the text of a mission file. Raises InputError."""
+    places = Places(text, path)
+    try:
+        document = read(text)
+    except BrokenError as error:
+        raise InputError([Diagnostic(places.at(error.position), _BROKEN, str(error))]) from None
+    return _Reading(places, frozenset(actions)).read(document)
+
+
+def unknown_actions(items: Iterable[Item], known: Iterable[str]) -> list[Diagnostic]:
+    """Return an error for each item whose action does not exist."""
+    names = {*known}.difference(HOOKS)
+    return [
+        Diagnostic(item.location or Location(f"item {index}", 0), _UNKNOWN_ACTION, _no_action(item.name, names))
+        for index, item in enumerate(items)
+        if isinstance(item, ActionItem) and item.name not in names
+    ]
+
+
+def _no_action(name: str, known: Iterable[str]) -> str:
+    if name in HOOKS:
+        return f"'{name}' is no item: the mission itself calls it"
+    near = suggestion(name, [*known, NAVIGATION]) or f": there are {', '.join(sorted(known))}."
+    return f"unknown action '{name}'{near} Name those of your program in `actions`, or with --action"
+
+
+class _Reading:
+    """Reads a document, and collects what is wrong with it."""
+
+    def __init__(self, places: Places, own: frozenset[str]) -> None:
+        self._places, self._own = places, own
+        self._found: list[Diagnostic] = []
+
+    def read(self, document: Value) -> Read:
+        top = self._object(document, "the file", ("version", "mission"))
+        version, mission = top.get("version"), top.get("mission")
+        if version is not None and (type(version.content) is not int or version.content != VERSION):
+            found = shortened(version.plain)
+            self._tell(version.start, _UNSUPPORTED, f"unsupported version {found}: msggen reads version {VERSION}")
+        plan = Plan(()) if mission is None else self._plan(mission)
+        self._found += unknown_actions(plan.items, {*ARGUMENTS, *self._own})
+        return Read(plan, sorted_out(self._found))
+
+    def _plan(self, mission: Value) -> Plan:
+        inside = self._object(mission, "the mission", ("items",), ("defaults",))
+        defaults, items = inside.get("defaults"), inside.get("items")
+        settings = {} if defaults is None else self._values(defaults, "'defaults'", {}, _DEFAULTS)
+        content: list[Value] = []
+        if items is not None and self._is(items, ARRAY) and isinstance(items.content, list):
+            content = items.content
+            if not content:
+                self._tell(items.start, _WRONG, "the mission has no items")
+        found = [item for each in content if (item := self._item(each)) is not None]
+        self._check_ids(content)
+        return Plan(tuple(found), Settings().merged(settings))
+
+    def _item(self, value: Value) -> Item | None:
+        if not self._is(value, OBJECT):
+            return None
+        members = _members(value)
+        kind, name = members.get("type"), members.get("id")
+        for key in members:
+            if key.startswith(RESERVED):
+                self._tell(members[key].name, _WRONG, f"'{key}': names with '{RESERVED}' are reserved")
+        is_named = name is None or self._is(name, TEXT, "id")
+        if kind is None:
+            self._tell(value.start, _WRONG, "the item has no 'type'")
+            return None
+        if not self._is(kind, TEXT, "type") or not is_named:
+            return None
+        text = "" if name is None else str(name.content)
+        if kind.content == NAVIGATION:
+            return self._waypoint(value, text)
+        return self._action(value, str(kind.content), text, self._places.at(kind.start))
+
+    def _waypoint(self, value: Value, name: str) -> Waypoint | None:
+        optional = {"type": TEXT, "id": TEXT}
+        only = {key: Expected(f"'{text}'", _is_text) for key, text in _ONLY.items()}
+        found = self._values(value, "the waypoint", {**only, **_WAYPOINT}, optional)
+        is_known = True
+        for key, text in _ONLY.items():
+            if key in found and found[key] != text:
+                at = _members(value)[key].start
+                near = f"{key} '{found[key]}' is not supported: version {VERSION} of the format has only '{text}'"
+                self._tell(at, _UNSUPPORTED, near)
+                is_known = False
+        if not is_known or not found.keys() >= {*_ONLY, *_WAYPOINT}:
+            return None
+        place = GlobalPlace(*(float(found[key]) for key in _WAYPOINT))
+        return Waypoint(place, name, self._places.at(value.start))
+
+    def _action(self, value: Value, name: str, item_id: str, location: Location) -> ActionItem:
+        if name in ARGUMENTS and name not in self._own:
+            self._values(value, f"'{name}'", {}, {**ARGUMENTS[name], "type": TEXT, "id": TEXT})
+        arguments = {key: each.plain for key, each in _members(value).items() if key not in {"type", "id"}}
+        return ActionItem(name, arguments, item_id, location)
+
+    def _check_ids(self, items: Iterable[Value]) -> None:
+        """Warn of ids that several items have. PX4's library does not look at them, but people do."""
+        first: dict[str, Value] = {}
+        for value in (_members(each).get("id") for each in items):
+            if value is None or not isinstance(value.content, str):
+                continue
+            before = first.setdefault(value.content, value)
+            if before is not value:
+                line = self._places.at(before.start).line
+                self._tell(value.start, _SAME_ID, f"id '{value.content}' is that of the item on line {line}, too")
+
+    # members of objects
+
+    def _values(
+        self, value: Value, what: str, required: Mapping[str, Expected], optional: Mapping[str, Expected]
+    ) -> dict[str, Any]:
+        """Return the values of an object that are as expected, without positions. Tell of the others."""
+        known = {**required, **optional}
+        members = self._object(value, what, (*required,), (*optional,))
+        return {key: each.plain for key, each in members.items() if key in known and self._is(each, known[key], key)}
+
+    def _object(
+        self, value: Value, what: str, required: tuple[str, ...], optional: tuple[str, ...] = ()
+    ) -> Mapping[str, Value]:
+        if not self._is(value, OBJECT):
+            return {}
+        members = _members(value)
+        for key in required:
+            if key not in members:
+                self._tell(value.start, _WRONG, f"{what} has no '{key}'")
+        known = (*required, *optional)
+        for key, each in members.items():
+            if key not in known and not key.startswith(RESERVED):
+                near = suggestion(key, known) or f": it has {', '.join(known)}"
+                self._tell(each.name, _UNKNOWN_KEY, f"unknown key '{key}' of {what}{near}")
+        return members
+
+    def _is(self, value: Value, expected: Expected, key: str = "") -> bool:
+        if expected.holds(value.content):
+            return True
+        front = f"'{key}': " if key else ""
+        self._tell(value.start, _WRONG, f"{front}expected {expected.text}, got {shortened(value.plain)}")
+        return False
+
+    def _tell(self, position: int, code: str, text: str) -> None:
+        self._found.append(Diagnostic(self._places.at(position), code, text))
+
+
+def _members(value: Value) -> Mapping[str, Value]:
+    return value.content if isinstance(value.content, dict) else {}
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)

@@ -1,0 +1,469 @@
+"""Tests of `flight.measure`, among them those of px4-ros2-interface-lib for local and global navigation."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any, get_args
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPlace, NotFusedError, UnsupportedError
+from msggen.flight.measurements import AXES, Source
+from msggen.messages.measurements import LOCAL, PARTS, SOURCES
+from msggen.sim import Options
+from msggen.sim.attitude import product
+from support.flown import Flown, fly
+
+pytest_plugins = ["support.flight_releases"]
+
+INDOORS = Options(parameters={"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0})
+PERIOD = 0.05
+HERE: dict[str, Any] = {"position": (0.0, 0.0, 0.0), "variance": 0.01}
+MOVING: dict[str, Any] = {"velocity": (0.0, 0.0, 0.0), "velocity_variance": 0.01}
+LEVEL: dict[str, Any] = {"attitude": (1.0, 0.0, 0.0, 0.0), "attitude_variance": 0.01}
+EARTH: dict[str, Any] = {"latitude": 47.4, "longitude": 8.5, "altitude": 500.0, "accuracy": 1.0}
+
+
+def has_ids(types: Any) -> bool:
+    return hasattr(types, "AuxGlobalPosition")
+
+
+def on_earth(types: Any, **parameters: float) -> Options:
+    own = {"EKF2_AGP0_ID": 1.0, "EKF2_AGP0_CTRL": 1.0} if has_ids(types) else {"EKF2_AGP_CTRL": 1.0}
+    return Options(parameters={**own, "EKF2_EV_CTRL": 15.0, **parameters})
+
+
+async def repeat(send: Callable[[], object], period: float = PERIOD) -> None:
+    while True:
+        send()
+        await asyncio.sleep(period)
+
+
+async def while_sending(send: Callable[[], object], seconds: float, period: float = PERIOD) -> None:
+    task = asyncio.ensure_future(repeat(send, period))
+    await asyncio.wait([task], timeout=seconds)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    if not task.cancelled():
+        task.result()
+
+
+async def fused(flight: Flight, send: Callable[[], object], timeout: float = 2.0, period: float = PERIOD) -> None:
+    """Send until it is fused, or NotFusedError is raised."""
+    task = asyncio.ensure_future(repeat(send, period))
+    try:
+        await flight.measure.fused(timeout)
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+def why(types: Any, send: Callable[[Flight], object], options: Options, period: float = PERIOD) -> dict[str, str]:
+    """Return the reasons for which what a program sends is not fused within 2 s, by part."""
+
+    async def program(flight: Flight, _: Flown) -> dict[str, str]:
+        with pytest.raises(NotFusedError) as raised:
+            await fused(flight, lambda: send(flight), period=period)
+        return {each.part: each.reason for each in raised.value.state if not each.is_fused}
+
+    return fly(types, program, options)
+
+
+def sent_by(types: Any, send: Callable[[Flight], object], options: Options = INDOORS) -> list[Any]:
+    """Return the messages that a program has sent when `send` was called."""
+
+    async def program(flight: Flight, vehicle: Flown) -> list[Any]:
+        before = len(vehicle.sent)
+        try:
+            send(flight)
+        finally:
+            found.extend(each.message for each in vehicle.sent[before:])
+        return found
+
+    found: list[Any] = []
+    return fly(types, program, options)
+
+
+# Tests of the library
+
+
+def test_valid(types: Any) -> None:
+    """Valid: any of the parts, and all of them. What is not given is NaN, with an unknown frame."""
+    (message,) = sent_by(types, lambda flight: flight.measure.local(**HERE))
+    assert (message.position, message.pose_frame, message.velocity_frame) == ((0.0, 0.0, 0.0), 1, 0)
+    assert all(map(math.isnan, (*message.velocity, *message.q, *message.angular_velocity, *message.velocity_variance)))
+    (message,) = sent_by(types, lambda flight: flight.measure.local(**MOVING, velocity_frame="body_flu"))
+    assert (message.pose_frame, message.velocity_frame) == (0, 3)
+    (message,) = sent_by(types, lambda flight: flight.measure.local(**HERE, **MOVING, **LEVEL, frame="flu"))
+    assert (message.pose_frame, message.velocity_frame, message.q) == (2, 2, (1.0, 0.0, 0.0, 0.0))
+    assert message.timestamp_sample == message.timestamp > 1_000_000
+    (message,) = sent_by(types, lambda flight: flight.measure.on_earth(**EARTH, altitude_accuracy=2.0))
+    assert (message.lat, message.lon, message.alt, message.eph, message.epv) == (47.4, 8.5, 500.0, 1.0, 2.0)
+    assert (getattr(message, "id", 1), getattr(message, "source", 2)) == (1, 2)
+
+
+BAD: list[tuple[str, dict[str, Any], str]] = [
+    ("MeasurementEmpty", {}, "expected `position`, `velocity` or `attitude`"),
+    ("MeasurementEmpty", {"variance": 0.1}, "expected `position` with `variance`, got the variance alone"),
+    ("TimestampMissing", {**HERE, "time": 0}, "expected `time` in us above 0"),
+    ("VarianceInvalid", {"position": (0.0, 0.0, 0.0)}, "position needs `variance`"),
+    ("VarianceInvalid", {"velocity": (0.0, 0.0, 0.0)}, "velocity needs `velocity_variance`"),
+    ("VarianceInvalid", {"attitude": (1.0, 0.0, 0.0, 0.0)}, "attitude needs `attitude_variance`"),
+    ("VarianceInvalid", {**HERE, "variance": 0.0}, "expected `variance` above 0, got 0"),
+    ("VarianceInvalid", {**HERE, "variance": (0.1, 0.1, -0.1)}, "expected `variance` above 0"),
+    ("VarianceInvalid", {**HERE, "variance": math.nan}, "expected finite numbers for variance"),
+    ("VarianceInvalid", {**HERE, "variance": (0.1, 0.1)}, "expected three numbers"),
+    ("ContainsNAN", {**HERE, "position": (0.0, math.nan, 0.0)}, "expected three finite numbers for position"),
+    ("ContainsNAN", {**HERE, "position": (1.0, 2.0)}, "give 0 and a large `variance` for an axis"),
+    ("ContainsNAN", {**HERE, "position": (1.0, 2.0, None)}, "expected three finite numbers for position"),
+    ("ContainsNAN", {**MOVING, "velocity": (0.0, 0.0, math.inf)}, "expected three finite numbers for velocity"),
+    ("ContainsNAN", {**MOVING, "velocity": (0.0, 0.0, 1e39)}, "expected finite numbers for velocity"),
+    ("ContainsNAN", {**LEVEL, "attitude": (math.nan, 0.0, 0.0, 0.0)}, "expected a unit quaternion"),
+    ("ContainsNAN", {**LEVEL, "attitude": (0.0, 0.0, 0.0, 0.0)}, "expected a unit quaternion"),
+    ("ContainsNAN", {**LEVEL, "attitude": (1.0, 0.0, 0.0)}, "expected a unit quaternion"),
+    ("PoseFrameUnknown", {**HERE, "frame": "NED"}, "no frame 'NED', did you mean 'ned'"),
+    ("PoseFrameUnknown", {**HERE, "frame": "body_frd"}, "no frame 'body_frd'"),
+    ("VelocityFrameUnknown", {**MOVING, "velocity_frame": "body"}, "no frame 'body'.*body_frd"),
+]
+"""The test of the library, what is measured, and the error."""
+
+
+@pytest.mark.parametrize(("values", "problem"), [each[1:] for each in BAD], ids=[each[0] for each in BAD])
+def test_what_is_no_measurement_is_an_error_before_anything_is_sent(
+    px4_types: Any, values: dict[str, Any], problem: str
+) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> int:
+        with pytest.raises(ValueError, match=problem):
+            flight.measure.local(**values)
+        return len(vehicle.sent)
+
+    assert fly(px4_types, program, INDOORS) == 0
+
+
+BAD_PLACES: list[tuple[dict[str, Any], str]] = [
+    ({**EARTH, "latitude": 123.0}, "expected a latitude from -90 to 90"),
+    ({**EARTH, "longitude": math.nan}, "expected finite numbers for a place"),
+    ({**EARTH, "accuracy": 0.0}, "expected `accuracy` above 0"),
+    ({**EARTH, "accuracy": math.nan}, "expected finite numbers for accuracy"),
+    ({**EARTH, "altitude_accuracy": -1.0}, "expected `altitude_accuracy` above 0"),
+    ({**EARTH, "source": "visoin"}, "no source 'visoin', did you mean 'vision'"),
+    ({**EARTH, "source_id": 0}, "expected `source_id` from 1 to 255"),
+    ({**EARTH, "time": 10**18}, "s in the future: expected the us of `flight.measure.time`"),
+]
+
+
+@pytest.mark.parametrize(("values", "problem"), BAD_PLACES, ids=[each[1] for each in BAD_PLACES])
+def test_what_is_no_place_is_an_error_before_anything_is_sent(
+    px4_types: Any, values: dict[str, Any], problem: str
+) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> int:
+        with pytest.raises(ValueError, match=problem):
+            flight.measure.on_earth(**values)
+        return len(vehicle.sent)
+
+    assert fly(px4_types, program, INDOORS) == 0
+
+
+@pytest.mark.parametrize(
+    ("values", "parts"),
+    [
+        (HERE, ["position", "height"]),
+        (MOVING, ["velocity"]),
+        (LEVEL, ["attitude"]),
+        ({**HERE, **MOVING, **LEVEL}, ["position", "height", "velocity", "attitude"]),
+    ],
+    ids=["fuseEvPos", "fuseEvVel", "fuseEvYaw", "fuseAll"],
+)
+def test_fuse_local(types: Any, values: dict[str, Any], parts: list[str]) -> None:
+    async def program(flight: Flight, _: Flown) -> tuple[Fusion, ...]:
+        await fused(flight, lambda: flight.measure.local(**values))
+        return flight.measure.state
+
+    state = fly(types, program, INDOORS)
+    assert state == tuple(Fusion(part, is_fused=True, reason="") for part in parts)
+
+
+def test_fuse_global(types: Any) -> None:
+    """fuseAll of global_navigation."""
+
+    async def program(flight: Flight, vehicle: Flown) -> tuple[Fusion, ...]:
+        assert not vehicle.world.has_position
+        await fused(flight, lambda: flight.measure.on_earth(GlobalPlace(47.4, 8.5, 500.0), accuracy=1.0))
+        return flight.measure.state
+
+    assert fly(types, program, on_earth(types, EKF2_GPS_CTRL=0.0)) == (
+        Fusion("place on earth", is_fused=True, reason=""),
+    )
+
+
+# Frames
+
+NUMBERS = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
+UNITS = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: math.hypot(*q) > 0.1)
+
+
+@given(NUMBERS, UNITS)
+def test_frames_round_trip(vector: Any, q: Any) -> None:
+    length = math.hypot(*q)
+    unit = tuple(each / length for each in q)
+    for axes in AXES.values():
+        assert axes.vector(axes.vector(vector)) == vector
+        assert axes.attitude(axes.attitude(unit)) == pytest.approx(unit, abs=1e-12)
+
+
+@given(NUMBERS, UNITS)
+def test_an_attitude_turns_vectors_the_same_in_each_frame(vector: Any, q: Any) -> None:
+    """A vector in the body, turned and then converted, is that of the other body, turned by the other attitude."""
+    length = math.hypot(*q)
+    w, x, y, z = (each / length for each in q)
+    for name in ("enu", "flu"):
+        axes = AXES[name]
+        body = AXES["flu"].vector(vector)
+        there = axes.vector(_turned((w, x, y, z), vector))
+        assert _turned(axes.attitude((w, x, y, z)), body) == pytest.approx(there, abs=1e-9)
+
+
+def _turned(q: Any, vector: Any) -> Any:
+    w, x, y, z = q
+    return product(product(q, (0.0, *vector)), (w, -x, -y, -z))[1:]
+
+
+def test_frames_are_those_of_the_package(px4_types: Any) -> None:
+    """The attitude and the place are those that the generated package converts."""
+    q = (0.8, 0.2, -0.4, math.sqrt(0.16))
+    (message,) = sent_by(
+        px4_types,
+        lambda flight: flight.measure.local(
+            position=(1.0, 2.0, 3.0), variance=(0.1, 0.2, 0.3), attitude=q, attitude_variance=0.1, frame="enu"
+        ),
+    )
+    assert message.position == (2.0, 1.0, -3.0)
+    assert message.position_variance == pytest.approx((0.2, 0.1, 0.3))
+    w, x, y, z = message.q
+    half = math.sqrt(0.5)
+    assert (w, x, y, z) == pytest.approx(
+        (half * (q[0] + q[3]), half * (q[1] + q[2]), half * (q[1] - q[2]), half * (q[0] - q[3]))
+    )
+    east = (1.0, 0.0, 0.0, 0.0)
+    (message,) = sent_by(
+        px4_types, lambda flight: flight.measure.local(attitude=east, attitude_variance=0.1, frame="enu")
+    )
+    assert message.q == pytest.approx((half, 0.0, 0.0, half))
+
+
+# Times
+
+
+def test_times_that_ekf2_would_not_use_are_left_out(types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> list[bool]:
+        measure, ages = flight.measure, (100_000, 100_000, 95_000, 200_000, 0, 290_000)
+        found = [measure.local(**HERE, time=measure.time - age) for age in ages]
+        await asyncio.sleep(1.0)
+        found.append(measure.local(**HERE, time=measure.time - 310_000))
+        assert len(vehicle.times(LOCAL)) == sum(found)
+        return found
+
+    assert fly(types, program, INDOORS) == [True, False, False, False, True, False, False]
+    texts = [record.getMessage() for record in caplog.records]
+    assert [text.partition(",")[0] for text in texts] == [
+        "a measurement was left out: it is 0.0 ms after the one before",
+        "a measurement was left out: it is older than the one before",
+        "a measurement was left out: it is 0.31 s old",
+    ]
+
+
+def test_a_time_of_another_clock_is_an_error(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> int:
+        await asyncio.sleep(62.0)
+        before = len(vehicle.sent)
+        for change, problem in ((500_000, "0.5 s in the future"), (-62_000_000, "62 s old, by another clock or in")):
+            with pytest.raises(ValueError, match=problem):
+                flight.measure.local(**HERE, time=flight.measure.time + change)
+        with pytest.raises(TypeError, match="expected `time` in whole us"):
+            flight.measure.local(**HERE, time=1.5)  # type: ignore[arg-type]
+        return len(vehicle.sent) - before
+
+    assert fly(px4_types, program, INDOORS) == 0
+
+
+def test_nothing_is_sent_that_waited(px4_types: Any) -> None:
+    """A program that hangs between a measurement and its call."""
+
+    async def program(flight: Flight, vehicle: Flown) -> bool:
+        time = flight.measure.time
+        vehicle.hang(0.5)
+        return flight.measure.local(**HERE, time=time)
+
+    assert fly(px4_types, program, INDOORS) is False
+
+
+def test_nothing_is_sent_after_the_flight(px4_types: Any) -> None:
+    kept: list[Flight] = []
+
+    async def program(flight: Flight, _: Flown) -> None:
+        kept.append(flight)
+        flight.measure.local(**HERE)
+
+    fly(px4_types, program, INDOORS)
+    with pytest.raises(FlightError, match="the flight has ended"):
+        kept[0].measure.local(**HERE)
+
+
+# Why it is not fused
+
+
+def test_the_parameter_is_named(types: Any) -> None:
+    options = Options(parameters={"EKF2_EV_CTRL": 4.0})
+    found = why(types, lambda flight: flight.measure.local(**HERE, **MOVING, **LEVEL), options)
+    assert {part: "EKF2_EV_CTRL" in reason for part, reason in found.items()} == {
+        "position": True,
+        "height": True,
+        "attitude": True,
+    }
+    assert found["position"] == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_the_parameters_of_places_on_earth_are_those_of_the_release(types: Any) -> None:
+    found = why(types, lambda flight: flight.measure.on_earth(**EARTH), Options())
+    expected = "EKF2_AGP0_CTRL 1 with EKF2_AGP0_ID 1" if has_ids(types) else "EKF2_AGP_CTRL 1 is probably not set"
+    assert found["place on earth"].startswith(expected)
+
+
+def test_several_sources_are_of_v1_18(types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> None:
+        flight.measure.on_earth(**EARTH, source_id=2)
+
+    if has_ids(types):
+        fly(types, program)
+    else:
+        with pytest.raises(UnsupportedError, match="has `source_id`"):
+            fly(types, program)
+
+
+def test_slow_measurements_are_told(types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    found = why(types, lambda flight: flight.measure.local(**HERE), INDOORS, period=0.25)
+    assert found["position"] == "measurements come 0.25 s apart: EKF2 starts to fuse them at 0.2 s (5 Hz) or less"
+    assert [record.getMessage() for record in caplog.records] == [found["position"]]
+
+
+def test_late_measurements_are_told(px4_types: Any) -> None:
+    found = why(px4_types, lambda flight: flight.measure.local(**HERE, time=flight.measure.time - 400_000), INDOORS)
+    assert found["position"] == "it is 0.40 s old, and EKF2 uses none that is older than 0.3 s"
+
+
+def test_a_frame_that_needs_north_is_told(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> str:
+        vehicle.world.external.is_yaw_aligned = False
+        with pytest.raises(NotFusedError, match="position is not fused: it is in NED, and EKF2 does not know north"):
+            await fused(flight, lambda: flight.measure.local(**HERE))
+        await fused(flight, lambda: flight.measure.local(**HERE, frame="flu"))
+        return "fused"
+
+    assert fly(px4_types, program, INDOORS) == "fused"
+
+
+def test_a_jump_is_told_and_reset_ends_it(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        there: dict[str, Any] = {"position": (30.0, 0.0, 0.0), "variance": 0.01}
+        await fused(flight, lambda: flight.measure.local(**HERE))
+        await asyncio.sleep(PERIOD)
+        assert flight.measure.local(**there, reset=True)
+        await asyncio.sleep(0.3)
+        assert vehicle.world.flight.position[:2] == (30.0, 0.0)
+        await while_sending(lambda: flight.measure.local(**there), 1.0)
+        assert [each.is_fused for each in flight.measure.state] == [True, True]
+        counters = [each.message.reset_counter for each in vehicle.sent if each.topic == LOCAL]
+        assert (counters[0], counters[-1]) == (0, 1)
+
+    fly(types, program, INDOORS)
+
+
+def test_what_was_fused_before_is_told(px4_types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> tuple[Fusion, ...]:
+        fast: dict[str, Any] = {"velocity": (20.0, 0.0, 0.0), "velocity_variance": 0.01}
+        await fused(flight, lambda: flight.measure.local(**MOVING))
+        await while_sending(lambda: flight.measure.local(**fast), 3.0)
+        return flight.measure.state
+
+    (state,) = fly(px4_types, program, INDOORS)
+    assert (state.part, state.is_fused, "starts anew" in state.reason) == ("velocity", False, True)
+
+
+def test_a_program_that_sends_nothing_is_told(px4_types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> None:
+        with pytest.raises(ValueError, match="expected `timeout` above 0 s"):
+            await flight.measure.fused(math.nan)
+        await flight.measure.fused(0.2)
+
+    with pytest.raises(NotFusedError, match="no measurements were sent"):
+        fly(px4_types, program, INDOORS)
+
+
+def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        vehicle.lost.add("estimator_status_flags")
+        await fused(flight, lambda: flight.measure.local(**HERE), timeout=5.0)
+
+    with pytest.raises(NotFusedError, match="does not publish estimator_status_flags"):
+        fly(px4_types, program, INDOORS)
+
+
+# A flight without GPS
+
+
+def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        def see() -> None:
+            flight.measure.local(position=vehicle.world.flight.position, variance=0.01)
+
+        with pytest.raises(FlightError):
+            await flight.arm()
+        eyes = asyncio.ensure_future(repeat(see))
+        await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
+        await flight.measure.fused()
+        await vehicle.in_air(flight, 3.0)
+        async with flight.offboard() as setpoint:
+            await setpoint.goto((2.0, 0.0, -3.0))
+            assert math.dist(vehicle.world.flight.position, (2.0, 0.0, -3.0)) < 0.5
+        eyes.cancel()
+        assert 4.0 < await vehicle.until(lambda: not vehicle.world.has_position, 6.0) < 5.0
+        await vehicle.until(lambda: vehicle.world.mode == 12, 1.0)
+
+    fly(types, program, INDOORS)
+
+
+def test_programs_without_asyncio_measure_too(px4_types: Any) -> None:
+    vehicle = Flown(px4_types, INDOORS)
+    vehicle.new_loop = lambda: _loop(vehicle)  # type: ignore[attr-defined]
+    with BlockingFlight(vehicle) as flight:
+        for _ in range(20):
+            assert flight.measure.local(**HERE, time=flight.measure.time)
+            flight.sleep(PERIOD)
+        assert [each.is_fused for each in flight.measure.state] == [True, True]
+        flight.measure.fused(0.5)
+        with pytest.raises(ValueError, match="no frame"):
+            flight.measure.local(**HERE, frame="nde")  # type: ignore[arg-type]
+
+
+def _loop(vehicle: Flown) -> Any:
+    from msggen.sim.loop import SimulatedLoop
+
+    return SimulatedLoop([vehicle], vehicle.time)
+
+
+# Lists
+
+
+def test_sources_are_those_of_the_message(px4_types: Any) -> None:
+    cls = px4_types.AuxGlobalPosition
+    assert [getattr(cls, f"SOURCE_{each.upper()}") for each in SOURCES] == [*range(len(SOURCES))]
+    assert get_args(Source) == SOURCES
+
+
+def test_each_release_has_the_flags(types: Any) -> None:
+    names = {field.name for field in types.EstimatorStatusFlags.__msg__.fields}
+    assert {part.flag for part in PARTS} <= names
