@@ -28,14 +28,31 @@ from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
 from msggen.messages.events import Component
-from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
+from msggen.messages.setpoints import (
+    ACTUATORS,
+    ATTITUDE,
+    FIXED_WING,
+    GOTO,
+    RATES,
+    ROVER,
+    ROVER_POSITION,
+    ROVER_THROTTLE,
+    THRUST_AND_TORQUE,
+    TRAJECTORY,
+)
 
 __all__ = [
+    "ACTUATORS",
     "ATTITUDE",
+    "FIXED_WING",
     "GLOBAL_POSITION",
     "GOTO",
     "LOCAL_POSITION",
     "RATES",
+    "ROVER",
+    "ROVER_POSITION",
+    "ROVER_THROTTLE",
+    "THRUST_AND_TORQUE",
     "TRAJECTORY",
     "BlockingFlight",
     "Check",

@@ -13,16 +13,17 @@ from typing import Any
 
 from msggen.flight.commands import Commands
 from msggen.flight.elsewhere import Hinted
-from msggen.flight.errors import FlightError, LimitError, NotReachedError
+from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, OnEarth, local_place, sea_level
-from msggen.flight.setpoints import finite
-from msggen.flight.states import described, is_armed, is_disarmed
+from msggen.flight.setpoints import finite, in_range
+from msggen.flight.states import described, is_armed, is_disarmed, is_on_wings, is_rover, name_of
 from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
 from msggen.flight.usage import ON_EARTH, explained
+from msggen.flight.vtol import TRANSITION, change
 from msggen.messages import commands, earth
-from msggen.messages.nav_states import HOLD, LAND, RETURN, SELECTABLE, TAKEOFF, mode_number
+from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, SELECTABLE, TAKEOFF, mode_number
 
 LOGGER = getLogger("msggen.flight")
 
@@ -31,6 +32,14 @@ _ENTERED = 3.0
 _NEAR = 1.0
 """The distance in m within which a place by latitude and longitude is reached."""
 _SLOW = 0.5
+_ON_WINGS = 100.0, 10.0
+"""The distances in m, horizontally and vertically, within which an aircraft that circles around a place has reached it:
+NAV_LOITER_RAD, 80 m, with what it is off, and NAV_FW_ALT_RAD."""
+_STANDS = 0.1
+"""The speed in m/s below which a rover stands."""
+_BRAKED = 20.0
+"""The time in s within which a rover stands that brakes."""
+_MOST_ACTUATORS = 6
 UNDER_WAY = 1.5
 """The time in s for which a command that was sent can still take effect."""
 
@@ -60,18 +69,19 @@ class Actions(Hinted):
 
         `above_sea` is an altitude in m above mean sea level instead.
 
-        PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD). In the air, the altitude is above home. A vehicle
-        that is as high already stays there, so a program that is started again does not climb twice.
+        PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD), on wings within 10 m (NAV_FW_ALT_RAD). In the air,
+        the altitude is above home. A vehicle that is as high already stays there, so a program that is started again
+        does not climb twice.
 
-        Raises ValueError, LimitError, FlightError if the vehicle is not armed or a failsafe flies it, RefusedError,
-        NoAnswerError and NotReachedError.
+        Raises ValueError, LimitError, UnsupportedError for a rover, FlightError if the vehicle is not armed or a
+        failsafe flies it, RefusedError, NoAnswerError and NotReachedError.
         """
         if altitude is not None and above_sea is not None:
             raise ValueError("expected altitude or above_sea, got both")
         if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
             raise ValueError(f"expected an altitude above the ground, got {altitude:g} m")
         finite([] if above_sea is None else [above_sea], "an altitude")
-        await self._check_armed("take off")
+        await self._check_can_take_off()
         is_flying = self._is_flying()
         sea = goal = height = math.nan
         if altitude is not None or above_sea is not None:
@@ -85,7 +95,7 @@ class Actions(Hinted):
                 raise ValueError(
                     f"expected an altitude above the ground, which is at {sea - height:.0f} m, got {above_sea:g} m"
                 )
-        if is_flying and (math.isnan(goal) or height <= goal + _NEAR):
+        if is_flying and (math.isnan(goal) or height <= goal + self._near):
             LOGGER.info("no takeoff: the vehicle is in the air")
             return
         await self._check_takeoff(goal)
@@ -95,6 +105,12 @@ class Actions(Hinted):
         except NotReachedError:
             if not self._is_up(goal):  # the message that tells the end was lost
                 raise
+
+    async def _check_can_take_off(self) -> None:
+        """Raise FlightError if the vehicle is not armed, and UnsupportedError for a rover."""
+        await self._check_armed("take off")
+        if self._is(is_rover):
+            raise UnsupportedError("a rover does not take off: arm it, and let it drive in a mode")
 
     async def _check_armed(self, what: str) -> None:
         """Raise FlightError if the vehicle is not armed."""
@@ -116,14 +132,29 @@ class Actions(Hinted):
         status, place = self._feeds["vehicle_status"].latest, valid_estimate(self._feeds)
         if status.nav_state != HOLD or place is None or is_landed(self._feeds):
             return False
-        return math.isnan(goal) or bool(abs(place.z - goal) < _NEAR)
+        return math.isnan(goal) or bool(abs(place.z - goal) < self._near)
+
+    @property
+    def _near(self) -> float:
+        """How far below the end of a takeoff it counts as done, in m."""
+        return _ON_WINGS[1] if self._is(is_on_wings) else _NEAR
+
+    def _is(self, condition: Condition) -> bool:
+        """Whether the last VehicleStatus meets a condition."""
+        status = self._feeds["vehicle_status"].latest
+        return status is not None and condition(status)
 
     async def land(self) -> None:
         """Land where the vehicle is, and return when it has landed. It disarms 2 s later (COM_DISARM_LAND).
 
+        A rover stops before, in Hold: PX4 takes one in Land for landed, and lets it drive on.
+
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
         await self._check_armed("land")
+        if self._is(is_rover):
+            await self.hold()
+            await self._standing()
         await self._send(commands.LAND, what="land", shown=self._is_in(LAND))
         await self._landed(LAND, "the landing")
 
@@ -135,6 +166,16 @@ class Actions(Hinted):
         await self._check_armed("return")
         await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
         await self._landed(RETURN, "the return")
+
+    async def _standing(self) -> None:
+        """Wait until a rover stands. Raises NotReachedError."""
+        slow = self._feeds["vehicle_local_position"].following(
+            lambda each: math.hypot(each.vx, each.vy) < _STANDS, _BRAKED
+        )
+        try:
+            await self._feeds.within(self._modes_for(HOLD), slow, "the stop before the landing")
+        except TimeoutError:
+            raise NotReachedError(f"the rover still drives after {_BRAKED:g} s in Hold") from None
 
     async def hold(self) -> None:
         """Let PX4 hold the vehicle where it is. Raises RefusedError and NoAnswerError."""
@@ -170,7 +211,10 @@ class Actions(Hinted):
         altitude: float | None = None,
         heading_deg: float = math.nan,
     ) -> None:
-        """Fly to a place in Hold mode, and return when it is reached: nearer than 1 m, slower than 0.5 m/s.
+        """Go to a place in Hold mode, and return when it is reached: nearer than 1 m, slower than 0.5 m/s.
+
+        On wings, it is reached once the vehicle circles around it: nearer than 100 m, and within 10 m of the altitude.
+        A rover goes there whatever the altitude.
 
         The place is a GlobalPlace, or keywords: latitude and longitude in degrees, and the altitude in m above mean sea
         level, by default the current one.
@@ -180,17 +224,21 @@ class Actions(Hinted):
         """
         latitude, longitude, altitude = OnEarth(place, latitude, longitude, altitude).numbers("goto")
         await self._check_place(GlobalPlace(latitude, longitude, altitude or 0.0), is_level=altitude is None)
-        if is_landed(self._feeds):
+        is_driving = self._is(is_rover)
+        if is_landed(self._feeds) and not is_driving:
             raise FlightError("the vehicle is on the ground: take off first")
         above_sea = math.nan if altitude is None else altitude
         values = -1.0, 1.0, math.nan, math.radians(heading_deg), latitude, longitude, above_sea
         await self._send(commands.REPOSITION, *values, what="go to a place")
+        goal = latitude, longitude, None if is_driving else altitude
         reached = self._feeds["vehicle_global_position"].following(
-            lambda place: _is_near(place, latitude, longitude, altitude)
+            lambda place: _is_near(place, *goal, *(_ON_WINGS if self._is(is_on_wings) else (_NEAR, _NEAR)))
         )
-        await self._feeds.within({HOLD}, reached, "the flight to a place", may_land=False)
+        await self._feeds.within({HOLD}, reached, "the flight to a place", may_land=is_driving)
+        if self._is(is_on_wings):
+            return
         slow = self._feeds["vehicle_local_position"].following(lambda each: math.hypot(each.vx, each.vy) < _SLOW)
-        await self._feeds.within({HOLD}, slow, "the flight to a place", may_land=False)
+        await self._feeds.within({HOLD}, slow, "the flight to a place", may_land=is_driving)
 
     @explained(ON_EARTH)
     async def set_home(
@@ -227,6 +275,49 @@ class Actions(Hinted):
         """
         values = OnEarth(place, latitude, longitude, altitude).whole("set_origin")
         await self._send(commands.SET_ORIGIN, *[math.nan] * 4, *values, what="set the origin")
+
+    # Of some vehicles
+
+    async def to_fixed_wing(self, *, timeout: float = TRANSITION) -> None:
+        """Let a VTOL change from hovering to forward flight, in a mode of PX4 such as Hold, and wait for the end.
+
+        In a mode of a program, `await self.to_fixed_wing()` does that. `timeout` is in s.
+
+        Raises UnsupportedError for another vehicle, FlightError on the ground, where the vehicle would flip over, in
+        Offboard mode and in modes of programs, RefusedError as in Takeoff, NoAnswerError, and NotReachedError after a
+        quad-chute and after `timeout`.
+        """
+        self._check_mode_of_px4("to_fixed_wing")
+        await change(self._commands, self._feeds, is_forward=True, seconds=timeout)
+
+    async def to_multicopter(self, *, timeout: float = TRANSITION) -> None:
+        """Let a VTOL change from forward flight to hovering, as `to_fixed_wing` does. Raises as that does."""
+        self._check_mode_of_px4("to_multicopter")
+        await change(self._commands, self._feeds, is_forward=False, seconds=timeout)
+
+    def _check_mode_of_px4(self, name: str) -> None:
+        """Raise FlightError in a mode in which PX4 gives a transition no setpoints."""
+        status = self._feeds["vehicle_status"].latest
+        if status is not None and status.nav_state in {OFFBOARD, *EXTERNAL}:
+            raise FlightError(
+                f"mode {name_of(status.nav_state)} flies, in which PX4 does not guide a transition: "
+                f"`await self.{name}()` in the mode, or `await flight.hold()` first"
+            )
+
+    async def set_actuators(self, values: Mapping[int, float]) -> None:
+        """Set payload servos: the values from -1 to 1 of "Peripheral via Actuator Set" 1 to 6, by their numbers.
+
+        The others stay as they are. Each value stays until it is changed, whatever the mode. PX4 acknowledges this also
+        if no output has that function. Calls wait for each other, so that there are at most 10 a second.
+
+        Raises ValueError, RefusedError and NoAnswerError.
+        """
+        numbers = range(1, _MOST_ACTUATORS + 1)
+        if not values or not all(each in numbers for each in values):
+            raise ValueError(f"expected the numbers of actuators from 1 to {_MOST_ACTUATORS}, got {[*values]}")
+        parameters = [in_range(values[each], -1.0, "a value") if each in values else math.nan for each in numbers]
+        await self._commands.pace_actuators()
+        await self._commands.send(commands.SET_ACTUATORS, *parameters, 0.0, what="set actuators")
 
     async def wait_armed(self) -> None:
         """Wait until the vehicle is armed. Raises NoAnswerError if it is not heard for 10 s."""
@@ -293,7 +384,9 @@ class Actions(Hinted):
         self._fence.check_goto((north, east, math.nan if is_level else down))
 
 
-def _is_near(place: Any, latitude: float, longitude: float, altitude: float | None) -> bool:
+def _is_near(  # noqa: PLR0913, PLR0917 - a place, and how near
+    place: Any, latitude: float, longitude: float, altitude: float | None, level: float, upright: float
+) -> bool:
     north, east = earth.local((latitude, longitude), place.lat, place.lon)
     up = 0.0 if altitude is None else place.alt - altitude
-    return math.hypot(north, east, up) < _NEAR
+    return math.hypot(north / level, east / level, up / upright) < 1.0

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from typing import Any, TypeVar
 
 from msggen.flight.answering import Check
@@ -22,6 +22,7 @@ from msggen.flight.places import GlobalPlace
 from msggen.flight.space import Vector
 from msggen.flight.telemetry import Attitude, Battery, GlobalPosition, Home, Land, LocalPosition, Telemetry
 from msggen.flight.usage import LOCAL, ON_EARTH, explained
+from msggen.flight.vtol import TRANSITION
 
 _Result = TypeVar("_Result")
 
@@ -106,6 +107,18 @@ class FlightCalls(Waits):
     ) -> None:
         """See `Flight.set_origin`."""
         self._wait(self._own.set_origin(place, latitude=latitude, longitude=longitude, altitude=altitude))
+
+    def to_fixed_wing(self, *, timeout: float = TRANSITION) -> None:
+        """See `Flight.to_fixed_wing`."""
+        self._wait(self._own.to_fixed_wing(timeout=timeout))
+
+    def to_multicopter(self, *, timeout: float = TRANSITION) -> None:
+        """See `Flight.to_multicopter`."""
+        self._wait(self._own.to_multicopter(timeout=timeout))
+
+    def set_actuators(self, values: Mapping[int, float]) -> None:
+        """See `Flight.set_actuators`."""
+        self._wait(self._own.set_actuators(values))
 
     def wait_armed(self) -> None:
         """See `Flight.wait_armed`."""

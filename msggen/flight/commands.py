@@ -18,6 +18,8 @@ COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
 _TRIES = 6
 """With 20 % loss in both directions, one command in 460 gets no answer."""
+_OF_ACTUATORS = 0.1
+"""The shortest period in s of commands that set actuators."""
 _PATIENCE = 0.3
 """How long to wait for an acknowledgement, in s. PX4 v1.18 takes 4 to 17 ms."""
 
@@ -30,6 +32,8 @@ class Commands:
         self._topics = Topics(connection.package)
         self._lock = asyncio.Lock()
         """For one command at a time: an acknowledgement has only the number of the command."""
+        self._actuators = 0.0
+        """When a command may set actuators next."""
         self._is_closed = False
 
     def close(self) -> None:
@@ -75,6 +79,12 @@ class Commands:
             flags, status = (self._feeds[each].latest for each in ("failsafe_flags", "vehicle_status"))
             reasons = reasons_for_command(number, values, flags, status, "`hold()`")
             raise RefusedError(what, answer.result, [*reasons])
+
+    async def pace_actuators(self) -> None:
+        """Wait until a command may set actuators: PX4 takes 10 a second."""
+        now = asyncio.get_running_loop().time()
+        due, self._actuators = max(now, self._actuators), max(now, self._actuators) + _OF_ACTUATORS
+        await asyncio.sleep(due - now)
 
     async def _answered(
         self, topic: str, message: Any, is_answer: Condition, what: str, shown: Condition | None

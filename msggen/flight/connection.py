@@ -8,6 +8,7 @@ from types import MappingProxyType, ModuleType
 from typing import Any, Final, Protocol
 
 from msggen.flight.errors import UnsupportedError
+from msggen.messages.setpoints import MODES, SENT
 
 Take = Callable[[Any], None]
 """Takes a message."""
@@ -76,7 +77,11 @@ def _since(topic: str) -> str:
 
 
 _SINCE: Final = MappingProxyType(
-    {**dict.fromkeys(("home_position", "vehicle_land_detected", "vtol_vehicle_status"), "v1.16"), "wind": "v1.17"}
+    {
+        **dict.fromkeys(("home_position", "vehicle_land_detected", "vtol_vehicle_status"), "v1.16"),
+        "wind": "v1.17",
+        **{topic: kind.since for kind in SENT for topic in kind.topics if kind.since > MODES},
+    }
 )
 """The first release that has a topic, if that is later than modes."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import AbstractAsyncContextManager
 from typing import ClassVar, Literal, Protocol, TypeAlias
 
@@ -10,6 +11,7 @@ from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps, Overrides
+from msggen.flight.vtol import TRANSITION
 
 Start: TypeAlias = Literal["armed", "selected", "registered"]
 """When `run` starts: when the vehicle is armed in the mode, when the mode is selected, or after registration."""
@@ -68,6 +70,18 @@ class Executor(Hinted):
     async def rtl(self) -> None:
         """See `Actions.return_home`."""
         await self._actions.return_home()
+
+    async def to_fixed_wing(self, *, timeout: float = TRANSITION) -> None:
+        """See `Actions.to_fixed_wing`."""
+        await self._actions.to_fixed_wing(timeout=timeout)
+
+    async def to_multicopter(self, *, timeout: float = TRANSITION) -> None:
+        """See `Actions.to_multicopter`."""
+        await self._actions.to_multicopter(timeout=timeout)
+
+    async def set_actuators(self, values: Mapping[int, float]) -> None:
+        """See `Actions.set_actuators`."""
+        await self._actions.set_actuators(values)
 
     async def fly(self, mode: type[Mode] | Mode | None = None) -> None:
         """Fly a registered mode, by default the executor's own, and wait for its end.

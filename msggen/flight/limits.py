@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
+from msggen.flight.setpoints import Messages, Values
 from msggen.flight.space import Vector
 from msggen.flight.usage import LIMITS, explained_class
-from msggen.messages.setpoints import GOTO, TRAJECTORY, Kind
+from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind
 
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
@@ -35,8 +36,14 @@ _HOME = 3.0
 _ALONG = 0.01
 """The controlled share of a direction below which the speed along it counts as not controlled."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
-_LIMITED: Final = (GOTO, TRAJECTORY)
+_LIMITED: Final = (GOTO, TRAJECTORY, FIXED_WING, *ROVER)
 """The kinds of setpoints whose places, velocities and accelerations are kept within limits."""
+_LATERAL, _LONGITUDINAL, *_ = FIXED_WING.topics
+_SPEED: Final = ROVER[1].topics[0]
+_BANK = 9.81 * math.tan(math.radians(30))
+"""The acceleration in m/s^2 in a turn with a bank of 30 degrees. FW_R_LIM is 50 degrees by default."""
+_RUN_OUT = 1.0
+"""The time in s that an aircraft on wings takes to bank before it turns."""
 
 
 @explained_class(LIMITS)
@@ -79,10 +86,11 @@ NO_LIMITS: Final = Limits()
 
 
 class _Here(NamedTuple):
-    """The place relative to home, and the velocity, in NED."""
+    """The place relative to home, the velocity and the heading, in NED."""
 
     place: Vector
     velocity: Vector
+    heading: float
 
 
 class Fence:
@@ -112,11 +120,23 @@ class Fence:
                 "or remove the limits and set those of PX4 (GF_MAX_HOR_DIST, GF_MAX_VER_DIST)"
             )
 
-    def check(self, kind: Kind, values: Mapping[str, Any]) -> None:
+    def check(self, kind: Kind, values: Values) -> None:
         """Raise LimitError if a setpoint has a place beyond the limits, and UnsupportedError as `check_kinds`."""
         self.check_kinds([kind])
-        if "position" in values:
-            self.check_place(values["position"])
+        if self.limits.is_open:
+            return
+        place = values[kind.topic].get("position")
+        if kind == ROVER_POSITION:
+            place = (*values[kind.topic]["position_ned"], math.nan)
+        elif kind == FIXED_WING:
+            place = (math.nan, math.nan, self._down_of(values[_LONGITUDINAL]["altitude"]))
+        if place is not None:
+            self.check_place(place)
+
+    def _down_of(self, altitude: float) -> float:
+        """Return an altitude above mean sea level in the local frame, NaN if that is not known."""
+        found = self._feeds["vehicle_local_position"].latest
+        return found.ref_alt - altitude if found is not None and found.z_global else math.nan
 
     def check_place(self, place: Sequence[float]) -> None:
         """Raise LimitError if a place is beyond the limits, and NoAnswerError if there is no home position."""
@@ -162,18 +182,32 @@ class Fence:
         share = self.limits.distance * (1.0 - 1e-6) / distance if distance > self.limits.distance else 1.0
         return Vector(home.x + x * share, home.y + y * share, home.z + max(z, -self.limits.height))
 
-    def shaped(self, kind: Kind, message: Any) -> Any:
-        """Return a setpoint whose velocity and acceleration do not lead beyond the limits."""
-        if kind != TRAJECTORY or self.limits.is_open:
-            return message
-        found = copy.copy(message)
-        found.velocity, found.acceleration = self._slowed(message.velocity, message.acceleration)
-        return found
+    def shaped(self, messages: Messages) -> Messages:
+        """Return setpoints whose velocity, acceleration, course and speed do not lead beyond the limits."""
+        if self.limits.is_open:
+            return messages
+        here = self._here()
+        return {topic: self._shape(topic, message, here) for topic, message in messages.items()}
 
     # inside
 
-    def _slowed(self, velocity: Sequence[float], acceleration: Sequence[float]) -> tuple[Vector, Vector]:
-        here = self._here()
+    def _shape(self, topic: str, message: Any, here: _Here | None) -> Any:
+        found = copy.copy(message)
+        distance = self.limits.distance
+        if topic == TRAJECTORY.topic:
+            found.velocity, found.acceleration = self._slowed(message.velocity, message.acceleration, here)
+        elif topic == _SPEED:
+            found.speed_body_x = 0.0 if here is None else _rolling(message.speed_body_x, here, distance)
+        elif topic == _LATERAL and here is not None and _leads_out(message.course, here, distance):
+            found.course, found.airspeed_direction = math.atan2(-here.place.y, -here.place.x), math.nan
+            found.lateral_acceleration = math.nan
+        elif topic == _LONGITUDINAL and here is not None:
+            found.height_rate = min(message.height_rate, allowed(self.limits.height + here.place.z))
+        return found
+
+    def _slowed(
+        self, velocity: Sequence[float], acceleration: Sequence[float], here: _Here | None
+    ) -> tuple[Vector, Vector]:
         if here is None:  # it stops, because it could be anywhere
             return _stopped(velocity), _stopped(acceleration)
         height, distance = self.limits.height, self.limits.distance
@@ -219,12 +253,33 @@ class Fence:
         if not (found.xy_valid and found.z_valid and found.v_xy_valid and found.v_z_valid):
             return None
         place = _from_home((found.x, found.y, found.z), home)
-        return _Here(place, Vector(found.vx, found.vy, found.vz))
+        return _Here(place, Vector(found.vx, found.vy, found.vz), found.heading)
 
 
 def allowed(left: float) -> float:
     """Return the allowed speed in m/s towards a limit at a distance in m: 0 at the limit and beyond it."""
     return 0.0 if left <= 0.0 else min(_GAIN * left, math.sqrt(2.0 * _BRAKING * left))
+
+
+def _rolling(speed: float, here: _Here, distance: float) -> float:
+    """Return the speed of a rover, reduced so that it can stop within the distance."""
+    sign = math.copysign(1.0, speed)
+    direction = Vector(sign * math.cos(here.heading), sign * math.sin(here.heading), 0.0)
+    most = math.inf if math.isinf(distance) else allowed(_way_left(direction, here.place, distance))
+    return sign * min(abs(speed), most)
+
+
+def _leads_out(course: float, here: _Here, distance: float) -> bool:
+    """Whether a vehicle on wings is so near the distance that it must turn back, and its course does not do that."""
+    speed = math.hypot(here.velocity.x, here.velocity.y)
+    is_near = math.hypot(here.place.x, here.place.y) + turn_radius(speed) + _RUN_OUT * speed > distance
+    along = here.place.x * math.cos(course) + here.place.y * math.sin(course)
+    return is_near and not along < 0.0
+
+
+def turn_radius(speed: float) -> float:
+    """Return the radius in m of a turn at a speed in m/s with a bank of 30 degrees."""
+    return speed * speed / _BANK
 
 
 def _from_home(place: Sequence[float], home: Vector) -> Vector:

@@ -4,58 +4,35 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from msggen.flight import usage
+from msggen.flight.actuators import Actuated
 from msggen.flight.answering import Answering
-from msggen.flight.connection import filled
-from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
-from msggen.flight.feeds import ANY_MODE, Feeds
+from msggen.flight.errors import FlightError, UnsupportedError
+from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
-from msggen.flight.overrides import Deferral, Keeps, Overrides
-from msggen.flight.places import GlobalPlace, check_within, local_place
+from msggen.flight.overrides import Deferral, Keeps
+from msggen.flight.places import GlobalPlace, local_place
 from msggen.flight.requirements import Requirement, named
-from msggen.flight.setpoints import finite
-from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
-from msggen.flight.telemetry import Telemetry, is_estimate, is_landed, no_estimate, valid_estimate
+from msggen.flight.rovers import Driven
+from msggen.flight.sending import Registered
+from msggen.flight.setpoints import finite, in_range
+from msggen.flight.space import Vector, heading_of, turned, turned_heading
+from msggen.flight.telemetry import Telemetry, is_estimate, no_estimate, valid_estimate
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
+from msggen.flight.vtol import TRANSITION
+from msggen.flight.wings import Winged, thrust_vector
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 
-_SLOW = 0.5
-"""The speed in m/s below which a place is reached."""
-_TURNED = math.radians(10)
-NO_LIFT = (
-    "does not lift a vehicle off the ground: take off first, `await flight.takeoff(5.0)`, or "
-    "`await self.takeoff(5.0)` in an executor"
-)
 _UNIT = 0.01
 """By how much the length of a quaternion may differ from 1."""
 
 
-class Registered(Protocol):
-    """The connection of a registered mode to the vehicle."""
-
-    feeds: Feeds
-    overrides: Overrides
-
-    @property
-    def is_active(self) -> bool:
-        """Whether the mode flies the vehicle."""
-
-    def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint from now on."""
-
-    def check_goto(self, place: Vector) -> None:
-        """See Fence."""
-
-    def hold(self) -> bool:
-        """Hold the place where the vehicle is."""
-
-
-class Mode(Answering, Steered):
+class Mode(Answering, Steered, Winged, Driven, Actuated):
     """A flight mode. A subclass sets the name, and defines the method `fly`.
 
     Pilots see `name`. PX4 keeps a slot for each name, so that a switch on a transmitter always selects the same mode.
@@ -64,9 +41,7 @@ class Mode(Answering, Steered):
     requires: ClassVar[Requirement] = Requirement.NONE
     """The requirements of the mode, besides those of its setpoints."""
     setpoints: ClassVar[tuple[Kind, ...]] = (GOTO, TRAJECTORY)
-    """The kinds of setpoints that the mode sends."""
-    frame: ClassVar[Frame] = "ned"
-    """The frame of its places and velocities."""
+    """The kinds of setpoints that the mode sends. Those of a multicopter are the default."""
     replaces: ClassVar[int | None] = None
     """The nav_state of the PX4 mode that this mode replaces, such as 5 for Return."""
     limits: ClassVar[Limits] = NO_LIMITS
@@ -133,52 +108,29 @@ class Mode(Answering, Steered):
         max_speed: float | None = None,
         max_climb: float | None = None,
         max_turn_rate: float | None = None,
-        within: float = 0.5,
+        airspeed: float | None = None,
+        within: float | None = None,
     ) -> None:
-        """Fly to a place in m, and return when it is reached: nearer than `within` m, slower than 0.5 m/s.
+        """Go to a place in m, and return when it is reached: nearer than `within` m, slower than 0.5 m/s.
 
-        The limits, in m/s and rad/s, can only be tighter than those of PX4. Afterwards, the vehicle holds the place.
+        A multicopter takes all but `airspeed`. `within` is 0.5 by default, and the limits, in m/s and rad/s, can only
+        be tighter than those of PX4. Afterwards, the vehicle holds the place.
 
-        Raises ValueError, NoAnswerError without a valid position, LimitError as `Limits` says, and NotReachedError on
-        the ground, if the vehicle lands, and if the mode does not fly.
+        On wings, the mode guides the vehicle over the place, and in a circle of 80 m around it afterwards. It takes
+        `airspeed` and `within`: the horizontal distance, by default that of a turn with a bank of 30 degrees. The
+        altitude is reached within 10 m. A rover takes `max_speed` and `within`, 1 by default, and no altitude counts.
+
+        Raises ValueError, NoAnswerError without a valid position, LimitError as `Limits` says, UnsupportedError as
+        `send` does, FlightError in a transition, and NotReachedError on the ground, if the vehicle lands or hovers, and
+        if the mode does not fly.
         """
-        north, east, down = await local_place(self._own.feeds, place, self.frame)
+        own = self._own
         yaw = heading_of(heading, heading_deg, self.frame)
-        finite([] if yaw is None else [yaw], "a heading")
-        limits = [each for each in (max_speed, max_climb, max_turn_rate) if each is not None]
-        if not all(each > 0.0 for each in finite(limits, "limits")):
-            raise ValueError(f"expected limits above 0, got {limits}")
-        check_within(within)
+        goal = await local_place(own.feeds, place, self.frame)
+        goto = Goto(goal, yaw, max_speed, max_climb, max_turn_rate, airspeed, within)
+        goto.check()
         await self._estimate()
-        self._own.check_goto(Vector(north, east, down))
-        if is_landed(self._own.feeds):
-            raise NotReachedError(f"mode {self.name!r} is on the ground, and goto {NO_LIFT}")
-        self._own.send(
-            GOTO,
-            position=(north, east, down),
-            flag_control_heading=yaw is not None,
-            heading=yaw or 0.0,
-            flag_set_max_horizontal_speed=max_speed is not None,
-            max_horizontal_speed=max_speed or 0.0,
-            flag_set_max_vertical_speed=max_climb is not None,
-            max_vertical_speed=max_climb or 0.0,
-            flag_set_max_heading_rate=max_turn_rate is not None,
-            max_heading_rate=max_turn_rate or 0.0,
-        )
-
-        def is_reached(estimate: Any) -> bool:
-            is_near = math.dist((estimate.x, estimate.y, estimate.z), (north, east, down)) < within
-            is_slow = math.hypot(estimate.vx, estimate.vy, estimate.vz) < _SLOW
-            return (
-                is_estimate(estimate)
-                and is_near
-                and is_slow
-                and (yaw is None or abs(wrapped(estimate.heading - yaw)) < _TURNED)
-            )
-
-        feeds = self._own.feeds
-        reached = feeds["vehicle_local_position"].following(is_reached)
-        await feeds.within(ANY_MODE, reached, "the flight to a place", may_land=False)
+        await goto.run(own, f"mode {self.name!r}")
 
     def _steer(self, found: Trajectory) -> None:
         latest = self._own.feeds["vehicle_local_position"].latest
@@ -188,27 +140,57 @@ class Mode(Answering, Steered):
 
     @explained(usage.ATTITUDE)
     def attitude(self, quaternion: Sequence[float], *, thrust: float, turn_rate: float = 0.0) -> None:
-        """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust up, from 0 to 1."""
+        """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust from 0 to 1.
+
+        The thrust is upward, and forward on wings, where `turn_rate` and the heading do not count.
+        """
         w, x, y, z = finite([*map(float, quaternion)], "a quaternion")
         if abs(math.hypot(w, x, y, z) - 1.0) > _UNIT:
             raise ValueError(f"expected a quaternion of length 1, got {(w, x, y, z)}")
         finite([turn_rate], "a turn rate")
-        self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=(0.0, 0.0, -_share(thrust)), yaw_sp_move_rate=turn_rate)
+        thrust_body = thrust_vector(self._own.feeds, in_range(thrust, 0.0, "a thrust"))
+        self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=thrust_body, yaw_sp_move_rate=turn_rate)
 
     @explained(usage.RATES)
     def rates(self, *, roll: float, pitch: float, yaw: float, thrust: float) -> None:
-        """Send rates in rad/s in FRD from now on, and the thrust up, from 0 to 1."""
+        """Send rates in rad/s in FRD from now on, and the thrust from 0 to 1: upward, and forward on wings."""
         finite([roll, pitch, yaw], "rates")
-        self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=(0.0, 0.0, -_share(thrust)))
+        thrust_body = thrust_vector(self._own.feeds, in_range(thrust, 0.0, "a thrust"))
+        self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=thrust_body)
+
+    async def to_fixed_wing(self, *, timeout: float = TRANSITION) -> None:
+        """Let a VTOL change from hovering to forward flight, and return once its wings carry it.
+
+        The mode sends the setpoints that PX4 needs meanwhile, and a circle afterwards, until the next setpoint. It
+        declares `setpoints = (GOTO, TRAJECTORY, FIXED_WING)`. `timeout` is in s.
+
+        Raises UnsupportedError for another vehicle, before PX4 v1.17, and for kinds that are not declared, FlightError
+        on the ground, where the vehicle would flip over, NoAnswerError, and NotReachedError after a quad-chute, after
+        `timeout`, and if the mode does not fly.
+        """
+        await self._own.change(is_forward=True, seconds=timeout)
+
+    async def to_multicopter(self, *, timeout: float = TRANSITION) -> None:
+        """Let a VTOL brake, and return once it hovers. It holds its place then. Raises as `to_fixed_wing`."""
+        await self._own.change(is_forward=False, seconds=timeout)
+
+    async def set_actuators(self, values: Mapping[int, float]) -> None:
+        """See `Actions.set_actuators`."""
+        await self._own.actions.set_actuators(values)
 
     async def hold(self, seconds: float = 0.0) -> None:
         """Stop and hold the place. Returns after a time in s, but the vehicle holds until the next setpoint.
+
+        On wings, the vehicle circles to the right: around the place that `goto` has reached, if it has.
 
         Raises NoAnswerError without a valid position.
         """
         await self._estimate()
         if not self._own.hold():
-            raise UnsupportedError(f"mode {self.name!r} cannot hold a place: add GOTO or TRAJECTORY to its `setpoints`")
+            raise UnsupportedError(
+                f"mode {self.name!r} cannot hold a place: add GOTO or TRAJECTORY to its `setpoints`, or FIXED_WING for "
+                "wings, or ROVER for a rover"
+            )
         await asyncio.sleep(seconds)
 
     def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:
@@ -233,17 +215,3 @@ def needs_of(mode: Mode) -> Requirement:
     for kind in mode.setpoints:
         found |= named(kind.requirements)
     return found
-
-
-def message_of(cls: Any, kind: Kind, mode: Mode, **values: Any) -> Any:
-    """Return the message of a setpoint. Raises UnsupportedError if the mode does not declare its kind."""
-    if kind not in mode.setpoints:
-        known = ", ".join(each.name for each in mode.setpoints)
-        raise UnsupportedError(f"mode {mode.name!r} declares {known} setpoints: add {kind.name} to its `setpoints`")
-    return filled(cls, **values)
-
-
-def _share(thrust: float) -> float:
-    if not 0.0 <= thrust <= 1.0:
-        raise ValueError(f"expected a thrust from 0 to 1, got {thrust:g}")
-    return thrust

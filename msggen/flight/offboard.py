@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import Any
 
@@ -63,11 +63,11 @@ class Offboard(Steered):
 
     def _steer(self, found: Trajectory) -> None:
         values = found.values(self._frame)
-        self._fence.check(TRAJECTORY, values)
+        self._fence.check(TRAJECTORY, {TRAJECTORY.topic: values})
         if self._is_left:
             raise NotReachedError(f"Offboard mode has ended: {described(self._feeds['vehicle_status'].latest)}")
         self._heartbeat.values = values
-        self.stream.set(TRAJECTORY, filled(self._setpoint, **values))
+        self._repeat(values)
 
     @explained(LOCAL)
     async def goto(
@@ -102,9 +102,13 @@ class Offboard(Steered):
         elif is_active and not self._is_left:
             self._cancel()
             self.stream.start()
-            self.stream.set(TRAJECTORY, filled(self._setpoint, **self._heartbeat.values))
+            self._repeat(self._heartbeat.values)
         elif self.stream.is_active:
             self.close()
+
+    def _repeat(self, values: Mapping[str, Any]) -> None:
+        messages = {TRAJECTORY.topic: filled(self._setpoint, **values)}
+        self.stream.set(TRAJECTORY, lambda: messages)
 
     def close(self) -> None:
         """Send nothing any more."""

@@ -32,7 +32,7 @@ NEEDED: Final = (
     *_ALWAYS,
     *_CONFIGURATION,
     _OF_EXECUTORS,
-    *(Need("in", kind.topic) for kind in SENT),
+    *(Need("in", topic) for kind in SENT for topic in kind.topics),
 )
 """All topics that modes, executors and checks can need."""
 
@@ -64,7 +64,7 @@ def needed_topics(connection: Connection, parts: Sequence[Part]) -> Iterator[Nee
     yield from _ALWAYS
     yield from (each for each in _CONFIGURATION if topics.has(*each))
     modes = [part.subject for part in parts if isinstance(part.subject, Mode)]
-    for topic in {kind.topic for mode in modes for kind in mode.setpoints}:
+    for topic in {topic for mode in modes for kind in mode.setpoints for topic in kind.topics}:
         yield Need("in", topic)
     if any(part.executor is not None for part in parts):
         yield _OF_EXECUTORS

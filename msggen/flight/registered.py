@@ -19,6 +19,7 @@ from msggen.flight.declared import check_check, check_executor, check_mode
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
+from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
 from msggen.flight.link import LinkConnection
 from msggen.flight.memory import Memory
@@ -102,6 +103,9 @@ class Parts:
             check_check(mode)
         else:
             check_mode(mode, is_owned=executor is not None)
+            check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
+            for topic in (topic for kind in mode.setpoints for topic in kind.topics):
+                topics.incoming(topic)
             self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
             check_overrides(topics, mode.keeps)
         if executor is not None:
@@ -266,7 +270,8 @@ class Parts:
         if isinstance(mode, Check):
             active = Active(mode, ids)
         else:
-            active = ActiveMode(mode, ids, self.connection, self._feeds, self._fence)
+            own = Actions(self._commands, self._feeds, self._fence, self.replacements)
+            active = ActiveMode(mode, ids, self.connection, self._feeds, self._fence, own)
             mode.is_resumed = is_resumed
             if mode.replaces is not None:
                 self.replacements[mode.replaces] = ids.mode

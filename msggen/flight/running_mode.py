@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from logging import getLogger
 from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.answering import Active
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import FlightError, NotReachedError, report, watched
+from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
+from msggen.flight.followers import NOW_FLIES, check_declared, check_follows
+from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
-from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
+from msggen.flight.mode import Mode, needs_of
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
 from msggen.flight.requirements import Requirement
-from msggen.flight.setpoints import Configuration, Stream
+from msggen.flight.rovers import stopping
+from msggen.flight.setpoints import Configuration, Messages, Stream, Values
 from msggen.flight.space import Vector
-from msggen.flight.states import described, is_armed
-from msggen.flight.telemetry import is_landed, valid_estimate
+from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover
+from msggen.flight.telemetry import checked_estimate, is_landed, valid_estimate
 from msggen.flight.trajectory import FREE
+from msggen.flight.transitions import Transition
+from msggen.flight.vtol import change, check_vtol
+from msggen.flight.wings import Way, circle_centre
 from msggen.messages.commands import OF_MODE
-from msggen.messages.setpoints import GOTO, TRAJECTORY, Kind
+from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
 
 LOGGER = getLogger("msggen.flight")
 _SUCCESS, _FAILURE = 0, 100
@@ -36,9 +43,12 @@ _REPEAT = 0.1
 class ActiveMode(Active):
     """A mode with the ids that the vehicle has assigned."""
 
-    def __init__(self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence) -> None:
+    def __init__(  # noqa: PLR0913, PLR0917 - what it is made of
+        self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence, actions: Actions
+    ) -> None:
+        """Take the actions of a user."""
         super().__init__(mode, ids)
-        self.mode, self.feeds = mode, feeds
+        self.mode, self.feeds, self.actions = mode, feeds, actions
         self._fence = fence.tightened(mode.limits)
         self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
         self._is_owned = ids.executor > 0
@@ -60,6 +70,10 @@ class ActiveMode(Active):
         self._topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
         self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
+        self._way: Way | None = None
+        """What guides an aircraft on wings, if the mode does."""
+        self._is_changing = False
+        """Whether the mode itself lets a VTOL change between hovering and forward flight."""
         self._task: asyncio.Task[None] | None = None
         self._ended: asyncio.Task[None] | None = None
         """The last run that was cancelled."""
@@ -78,7 +92,7 @@ class ActiveMode(Active):
     @property
     def can_run(self) -> bool:
         """See Active."""
-        return not self.has_failed
+        return not self.has_failed and not self._stream.is_broken
 
     @property
     def requires(self) -> Requirement:
@@ -86,13 +100,49 @@ class ActiveMode(Active):
         return needs_of(self.mode)
 
     def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint from now on. Raises NotReachedError unless `fly` runs, LimitError, and UnsupportedError."""
+        """Send a setpoint of one message from now on. Raises as `send_each`."""
+        self.send_each(kind, {kind.topic: values})
+
+    def send_each(self, kind: Kind, values: Values) -> None:
+        """Send a setpoint from now on.
+
+        Raises NotReachedError unless `fly` runs, LimitError, UnsupportedError for a kind that the mode does not declare
+        or the vehicle does not follow, and FlightError during a transition.
+        """
+        self._check_sent(kind)
+        self._set(kind, values)
+
+    def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
+        """Send a setpoint from now on whose values a function returns each time. Raises as `send_each`."""
+        self._check_sent(kind)
+        self._guide(kind, make)
+
+    def class_of(self, topic: str) -> Any:
+        """Return the class of a message to the vehicle. Raises UnsupportedError."""
+        return self._topics.incoming(topic)
+
+    async def change(self, *, is_forward: bool, seconds: float) -> None:
+        """Let a VTOL change to forward flight, or to hovering, and hold the place then. Raises as `to_fixed_wing`."""
         self._check_flying()
-        if self._begins_on_ground and kind.is_placed:
-            self._begins_on_ground = False
-            if is_landed(self.feeds):
-                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
-        self._set(kind, **values)
+        check_vtol(self.feeds)
+        for kind in (TRAJECTORY, FIXED_WING):
+            try:
+                self._topics.incoming(kind.topic)
+            except UnsupportedError:
+                raise UnsupportedError(
+                    "before PX4 v1.17, a VTOL changes in PX4's own modes only: `await flight.hold()`, then "
+                    f"`await flight.to_{'fixed_wing' if is_forward else 'multicopter'}()`"
+                ) from None
+            check_declared(self.mode.name, self.mode.setpoints, kind)
+        self._cross(checked_estimate(self.feeds), is_forward=is_forward)
+        self._is_changing = True
+        try:
+            sender = self.actions._commands  # noqa: SLF001 - of the same library
+            await change(sender, self.feeds, is_forward=is_forward, seconds=seconds)
+        finally:
+            self._is_changing = False
+            if self._is_flying:
+                self._hold()
 
     def hold(self) -> bool:
         """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
@@ -106,23 +156,82 @@ class ActiveMode(Active):
         if not self._is_flying:
             raise NotReachedError(f"mode {self.mode.name!r} does not fly: its `fly` has ended, or has not begun")
 
-    def _set(self, kind: Kind, **values: Any) -> None:
+    def _check_sent(self, kind: Kind) -> None:
+        self._check_flying()
+        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest)
+        check_declared(self.mode.name, self.mode.setpoints, kind)
+        if self._begins_on_ground and kind.is_placed:
+            self._begins_on_ground = False
+            if self._is_stuck():
+                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
+
+    def _is_stuck(self) -> bool:
+        """Whether the vehicle is on the ground and needs a takeoff."""
+        return is_landed(self.feeds) and not self._is(is_rover)
+
+    def _is(self, condition: Callable[[Any], bool]) -> bool:
+        status = self.feeds["vehicle_status"].latest
+        return status is not None and condition(status)
+
+    def _set(self, kind: Kind, values: Values) -> None:
         self._fence.check(kind, values)
-        self._stream.set(kind, message_of(self._topics.incoming(kind.topic), kind, self.mode, **values))
+        messages = self._filled(values)
+        self._way = None
+        self._stream.set(kind, lambda: messages)
+
+    def _guide(self, kind: Kind, make: Callable[[], Values]) -> None:
+        self._fence.check(kind, make())
+        self._way = make if isinstance(make, Way) else None
+        self._stream.set(kind, lambda: self._filled(make()))
+
+    def _filled(self, values: Values) -> Messages:
+        return {topic: filled(self._topics.incoming(topic), **each) for topic, each in values.items()}
 
     def _hold(self) -> bool:
         estimate = valid_estimate(self.feeds)
         if estimate is None:
             return False
+        kinds = self.mode.setpoints
+        if self._is(is_in_transition):
+            return self._hold_direction(estimate)
+        if self._is(is_on_wings):
+            return FIXED_WING in kinds and self._circle(estimate)
+        if self._is(is_rover):
+            found = stopping(kinds, estimate)
+            if found is not None:
+                self._set(*found)
+            return found is not None
         place = self._fence.nearest(_stopped(estimate))
-        if GOTO in self.mode.setpoints:
-            self._set(GOTO, position=place)
-        elif TRAJECTORY in self.mode.setpoints:
+        if GOTO in kinds:
+            self._set(GOTO, {GOTO.topic: {"position": place}})
+        elif TRAJECTORY in kinds:
             rest = {"velocity": FREE, "acceleration": FREE, "jerk": FREE, "yawspeed": math.nan}
-            self._set(TRAJECTORY, position=place, yaw=estimate.heading, **rest)
+            self._set(TRAJECTORY, {TRAJECTORY.topic: {"position": place, "yaw": estimate.heading, **rest}})
         else:
             return False
         return True
+
+    def _circle(self, estimate: Any) -> bool:
+        """Fly around the place that was reached, or on a circle that begins here. On the ground, stand."""
+        if is_landed(self.feeds):
+            self._stream.pause()
+        elif self._way is None or not self._way.is_there:
+            centre = self._fence.nearest(circle_centre(estimate))
+            self._guide(FIXED_WING, Way.around(self.feeds, centre))
+        return True
+
+    def _hold_direction(self, estimate: Any) -> bool:
+        """Keep height and direction until a transition is over."""
+        if not {TRAJECTORY, FIXED_WING} <= {*self.mode.setpoints}:
+            return False
+        self._cross(estimate, is_forward=self._is(lambda each: each.in_transition_to_fw))
+        return True
+
+    def _cross(self, estimate: Any, *, is_forward: bool) -> None:
+        """Send the setpoints of a transition from now on."""
+        clock = asyncio.get_running_loop().time
+        transition = Transition(self.feeds, estimate, clock(), is_forward=is_forward)
+        self._guide(TRAJECTORY, lambda: transition.at(clock()))
 
     async def run(self, actions: Actions) -> None:
         """Select the mode, and wait for the end of `fly`.
@@ -198,15 +307,26 @@ class ActiveMode(Active):
         is_active = is_selected and (has_armed or self.mode.flies_disarmed)
         if is_active and self.is_active:
             self._stream.confirm()
+            self._follow_change(status)
         elif is_active:
             self._enter()
         elif self.is_active:
             self._leave()
 
+    def _follow_change(self, status: Any) -> None:
+        """Hold the place after a VTOL has changed without the mode: it does not follow what was sent before."""
+        kind = self._stream.kind
+        is_followed = kind is None or status.vehicle_type in kind.followed_by
+        if not is_followed and not self._is_changing and not is_in_transition(status):
+            LOGGER.warning("mode %r holds its place: %s", self.mode.name, NOW_FLIES[is_on_wings(status)])
+            self.has_failed = self.has_failed or not self._hold_or_pause()
+
     def _enter(self) -> None:
         self._begins_on_ground = is_landed(self.feeds)
         self._stream.start()
         self.overrides.renew()
+        if self._is(is_rover) or (self._is(is_on_wings) and not self._begins_on_ground):
+            self._hold_or_pause()  # PX4 would go on with the setpoints of the mode before, for ever
         if self._wanted is not None:
             self.restart()
         elif asyncio.get_running_loop().time() - self._abandoned < UNDER_WAY:
@@ -287,15 +407,19 @@ class ActiveMode(Active):
             report(f"mode {self.mode.name!r} has failed", error)
 
     def _hold_or_stop(self) -> bool:
-        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place.
+        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
+        self._is_flying = False
+        return self._hold_or_pause()
+
+    def _hold_or_pause(self) -> bool:
+        """Hold the place, or send nothing. Return whether the vehicle holds its place.
 
         Never raises: the mode ends in any case. What prevents that the vehicle holds its place is reported.
         """
-        self._is_flying = False
         try:
             is_held = self._hold()
         except Exception as error:  # noqa: BLE001 - such as limits without a home position
-            report(f"mode {self.mode.name!r} cannot hold its place at its end", error)
+            report(f"mode {self.mode.name!r} cannot hold its place", error)
             is_held = False
         if not is_held:
             self._stream.pause()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import UnsupportedError
 from msggen.flight.feeds import Feeds
-from msggen.messages.setpoints import OTHER_FAILURE, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
+from msggen.messages.setpoints import FIXED_WING, GOTO, OTHER_FAILURE, TRAJECTORY, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3
@@ -22,7 +22,13 @@ _IDLE = 0.1
 """The period in s of checks of the clock if there is no setpoint."""
 _REPEATS = 3
 """How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
+_RENEWED = 1.0
+"""The period in s of the messages that configure setpoints."""
 
+Values: TypeAlias = Mapping[str, Mapping[str, Any]]
+"""The fields of messages by their topics, in the order of sending."""
+Messages: TypeAlias = Mapping[str, Any]
+"""Messages by their topics."""
 
 _Values = TypeVar("_Values", bound=Sequence[float])
 
@@ -32,6 +38,13 @@ def finite(values: _Values, what: str) -> _Values:
     if not all(abs(each) <= _LARGEST for each in values):
         raise ValueError(f"expected finite numbers for {what}, got {tuple(values)}")
     return values
+
+
+def in_range(value: float, least: float, what: str) -> float:
+    """Return a number from `least` to 1. Raises ValueError for another one."""
+    if not least <= value <= 1.0:
+        raise ValueError(f"expected {what} from {least:g} to 1, got {value:g}")
+    return value
 
 
 class Configuration:
@@ -51,16 +64,16 @@ class Configuration:
 
         Before v1.18, PX4 cannot be asked.
         """
-        for kind in kinds:
-            self._topics.incoming(kind.topic)
-            if self._has_replies:
-                reply = await self._ask(kind)
-                if reply.result:
-                    raise UnsupportedError(f"the vehicle does not support {kind.name} setpoints ({_WHY[reply.result]})")
+        if not self._has_replies:
+            return
+        for kind in dict.fromkeys(map(self._configured, kinds)):
+            reply = await self._ask(kind)
+            if reply.result:
+                raise UnsupportedError(f"the vehicle does not support {kind.name} setpoints ({_WHY[reply.result]})")
 
     def apply(self, kind: Kind | None) -> None:
         """Let PX4 use a kind of setpoints in the mode from now on. None: the mode was left."""
-        self._kind = kind
+        self._kind = None if kind is None else self._configured(kind)
         self._left = 0 if kind is None else 1 if self._has_replies else _REPEATS
 
     def send(self) -> None:
@@ -79,6 +92,16 @@ class Configuration:
         """Stop reading replies."""
         if self._end is not None:
             self._end()
+
+    def _configured(self, kind: Kind) -> Kind:
+        """Return the kind that PX4 is told.
+
+        v1.18 refuses fixed-wing setpoints for a VTOL that hovers, and goto for one that flies forward. Trajectory
+        setpoints control the same, it accepts them in each state, and it takes the other two with them.
+        """
+        status = self._feeds["vehicle_status"].latest
+        is_same = kind in _SAME and status is not None and bool(status.is_vtol)
+        return TRAJECTORY if is_same else kind
 
     def _take(self, reply: Any) -> None:
         kind = self._kind
@@ -101,6 +124,8 @@ class Configuration:
         raise self._feeds.no_answer(f"the vehicle has not answered whether it supports {kind.name} setpoints")
 
 
+_SAME = (GOTO, FIXED_WING)
+"""The kinds that control the same as trajectory setpoints."""
 _WHY = {
     OTHER_FAILURE: "the mode is not registered",
     UNSUPPORTED_TYPE: "not for this kind of vehicle",
@@ -126,7 +151,7 @@ class Stream:
     """
 
     def __init__(
-        self, connection: Connection, feeds: Feeds, configuration: Configured, shaped: Callable[[Kind, Any], Any]
+        self, connection: Connection, feeds: Feeds, configuration: Configured, shaped: Callable[[Messages], Messages]
     ) -> None:
         self._connection, self._configuration, self._shaped = connection, configuration, shaped
         self._status = feeds["vehicle_status"]
@@ -135,14 +160,20 @@ class Stream:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._due = 0.0
-        self._current: tuple[Kind, Any] | None = None
+        self.kind: Kind | None = None
+        """The kind of the present setpoint, None without one."""
+        self._make: Callable[[], Messages] = dict
+        self._renewal = 0.0
+        """When the messages that configure it are sent next."""
         self._is_late = False
         """Whether the program has not run for 0.5 s. The mode may have been left meanwhile."""
         self.is_active = False
+        self.is_broken = False
+        """Whether the last setpoint could not be sent. Not every vehicle stops without setpoints."""
 
     def start(self) -> None:
         """Begin: the mode is active."""
-        self.is_active, self._is_late = True, False
+        self.is_active, self._is_late, self.is_broken = True, False, False
         self._wait(self._loop.time() + _IDLE)
 
     def confirm(self) -> None:
@@ -158,15 +189,19 @@ class Stream:
 
     def pause(self) -> None:
         """Send nothing until the next setpoint."""
-        self._current = None
+        self.kind = None
 
-    def set(self, kind: Kind, message: Any) -> None:
-        """Repeat a setpoint until the next one. One of another kind is sent at once, others in their turn."""
+    def set(self, kind: Kind, make: Callable[[], Messages]) -> None:
+        """Repeat a setpoint until the next one: what a function returns each time, by topics and in this order.
+
+        One of another kind is sent at once, others in their turn.
+        """
         if not self.is_active:
             return
-        is_new = self._current is None or self._current[0] != kind
-        self._current = kind, message
+        is_new = self.kind != kind
+        self.kind, self._make, self.is_broken = kind, make, False
         if is_new:
+            self._renewal = 0.0
             self._configuration.apply(kind)
             self._cancel()
             self._tick()
@@ -176,17 +211,25 @@ class Stream:
         self._is_late = self._is_late or now > self._due + _HUNG
         interval = _IDLE
         try:
-            if self._current is not None and self._may_send():
-                kind, message = self._current
-                interval = 1.0 / kind.rate
+            if self.kind is not None and self._may_send():
+                interval = 1.0 / self.kind.rate
                 self._configuration.send()
-                self._connection.publish(kind.topic, self._shaped(kind, message))
+                self._send(self._shaped(self._make()), now)
         except Exception:
             self.pause()  # told once, by who has called or by the event loop
+            self.is_broken = True
             raise
         finally:
             base = min(self._due, now)  # a new setpoint comes before its time
             self._wait(max(base + interval, now))  # late setpoints do not come in a burst
+
+    def _send(self, messages: Messages, now: float) -> None:
+        is_due = now >= self._renewal
+        if is_due:
+            self._renewal = now + _RENEWED
+        for topic, message in messages.items():
+            if is_due or topic not in FIXED_WING.renewed:
+                self._connection.publish(topic, message)
 
     def _may_send(self) -> bool:
         return not self._is_late and self._status.age <= _SILENT and self.is_alive()

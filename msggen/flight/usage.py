@@ -25,6 +25,12 @@ LOCAL: Final = (
 BY_NAME: Final = "expected keywords, such as `{0}(velocity=(1.0, 0.0, 0.0))`"
 RATES: Final = "expected keywords: `{0}(roll=0.0, pitch=0.0, yaw=0.1, thrust=0.5)`, in rad/s and from 0 to 1"
 ATTITUDE: Final = "expected `{0}((1.0, 0.0, 0.0, 0.0), thrust=0.5)`: a quaternion w, x, y, z, and from 0 to 1"
+WINGS: Final = "expected keywords, such as `{0}(course_deg=90.0, altitude=520.0)`, in m above mean sea level"
+DRIVING: Final = (
+    "expected keywords, such as `{0}(speed=2.0, heading_deg=90.0)`, in m/s, or `{0}(throttle=0.3, steering=-0.5)`"
+)
+MOTORS: Final = "expected keywords, such as `{0}(motors=[0.5, 0.5, None], servos=[-1.0])`, from -1 to 1"
+THRUSTS: Final = "expected keywords: `{0}(thrust=(0.0, 0.0, -0.5), torque=(0.0, 0.0, 0.0))`, in FRD, from -1 to 1"
 MEASURED: Final = "expected keywords, such as `{0}(position=(1.0, 0.0, -2.0), variance=0.01, frame='ned')`"
 LIMITS: Final = "expected keywords: `{0}(height=20.0, distance=50.0)`, in m"
 
@@ -34,6 +40,13 @@ ARGUMENTS: Final[Mapping[str, str]] = MappingProxyType(
         "yaw_deg": "`heading_deg`",
         "yawspeed": "`turn_rate` in rad/s",
         "yaw_rate": "`turn_rate` in rad/s",
+        "yaw_rate_setpoint": "`turn_rate` in rad/s",
+        "yaw_setpoint": "`heading` in rad or `heading_deg`",
+        "speed_body_x": "`speed` in m/s",
+        "throttle_body_x": "`throttle`",
+        "normalized_steering_setpoint": "`steering`",
+        "equivalent_airspeed": "`airspeed` in m/s",
+        "throttle_direct": "`throttle`",
         "lat": "`latitude`",
         "lon": "`longitude`",
         "alt": "`altitude`",

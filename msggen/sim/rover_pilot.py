@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
-from msggen.messages.setpoints import ROVER_KINDS
+from msggen.messages.setpoints import ROVER as ROVER_KINDS
+from msggen.messages.setpoints import ROVER_THROTTLE
 from msggen.sim.attitude import Vector
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Flight, wrapped
@@ -52,7 +53,7 @@ class RoverPilot:
         self._held: Vector = (0.0, 0.0, 0.0)
         self._next: Vector | None = None
         """Where the next Hold is to be."""
-        topics = dict.fromkeys(topic for kind in ROVER_KINDS for topic in kind.topics)
+        topics = dict.fromkeys(topic for kind in (*ROVER_KINDS, *ROVER_THROTTLE) for topic in kind.topics)
         takers = (
             self._take_position,
             lambda each, _: self._write(speed=each.speed_body_x),

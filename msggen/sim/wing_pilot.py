@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
-from msggen.messages.setpoints import FIXED_WING_KIND
+from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
 from msggen.sim.attitude import Vector, angles_of
 from msggen.sim.autopilot import POSITION
 from msggen.sim.commander.setpoint_types import ALL, Controls

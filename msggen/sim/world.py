@@ -188,7 +188,7 @@ class World:
             self._senses = found
         return self._senses
 
-    # VtolState
+    # State
 
     @property
     def vtol_state(self) -> VtolState | None:

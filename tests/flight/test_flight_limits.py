@@ -330,7 +330,7 @@ def test_a_velocity_across_home_ends_at_the_limit(px4_types: Any) -> None:
 def test_without_an_estimate_nothing_moves(px4_types: Any) -> None:
     message = px4_types.TrajectorySetpoint(velocity=(1.0, NAN, -1.0), acceleration=FREE)
     feeds: Any = Fixed((0.0, 0.0, 0.0))
-    found = Fence(feeds, LIMITS).shaped(TRAJECTORY, message)
+    found = Fence(feeds, LIMITS).shaped({TRAJECTORY.topic: message})[TRAJECTORY.topic]
     assert found.velocity[0] == found.velocity[2] == 0.0
     assert math.isnan(found.velocity[1])
     assert message.velocity[0] == 1.0
@@ -339,7 +339,7 @@ def test_without_an_estimate_nothing_moves(px4_types: Any) -> None:
 def test_without_limits_nothing_changes(px4_types: Any) -> None:
     message = px4_types.TrajectorySetpoint(velocity=(1.0, NAN, -1.0))
     feeds: Any = Fixed((0.0, 0.0, 0.0), is_known=False)
-    assert Fence(feeds).shaped(TRAJECTORY, message) is message
+    assert Fence(feeds).shaped({TRAJECTORY.topic: message}) == {TRAJECTORY.topic: message}
     Fence(feeds).check_place((1e6, 0.0, -1e6))
     assert Fence(feeds).nearest((1.0, 2.0, 3.0)) == Vector(1.0, 2.0, 3.0)
 

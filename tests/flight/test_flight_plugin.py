@@ -261,7 +261,6 @@ def test_package(sim_vehicle):
     run(tests).assert_outcomes(passed=5)
 
 
-<<<<<<< HEAD
 def test_a_vehicle_without_gps_takes_measurements(run: Run) -> None:
     tests = """
 import asyncio
@@ -277,7 +276,8 @@ def test_it(sim_vehicle):
     sim_vehicle.run(program)
 """
     run(tests).assert_outcomes(passed=1)
-=======
+
+
 def test_a_vehicle_is_of_the_kind_that_is_asked_for(run: Run, pytester: pytest.Pytester) -> None:
     tests = """
 @pytest.mark.sim_vehicle(vehicle="plane", parameters={"FW_AIRSPD_TRIM": 13})
@@ -293,7 +293,6 @@ async def test_kinds(sim_vehicle, new_sim_vehicle):
     with recordings.open(str(pytester.path / "kept" / "test_it-test_kinds.ulg")) as log:
         assert (log.parameters["FW_AIRSPD_TRIM"], log.parameters["RTL_TYPE"]) == (13.0, 1.0)
         assert {"airspeed_validated", "wind"} <= {each.name for each in log.topics}
->>>>>>> caps
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ from support.sim_world import (
     world_of,
 )
 
-WINGS = setpoints.FIXED_WING_KIND.number
+WINGS = setpoints.FIXED_WING.number
 FORWARD, BACK = (4.0, *NOTHING[1:]), (3.0, *NOTHING[1:])
 LEVEL = Setpoint(velocity=(NAN, NAN, 0.0), acceleration=(0.0, 0.0, NAN))
 

@@ -135,9 +135,11 @@ def fly(
     package: ModuleType,
     program: Callable[[Flight, Flown], Coroutine[Any, Any, _Result]],
     options: Options = Options(),  # noqa: B008 - it is immutable
+    *,
+    made: type[Flown] = Flown,
 ) -> _Result:
     """Run a program with a vehicle that has stood for 1 s, and return what it returns."""
-    vehicle = Flown(package, options)
+    vehicle = made(package, options)
 
     async def main() -> _Result:
         await asyncio.sleep(1.0)

@@ -6,12 +6,12 @@ from typing import Final, TypeAlias
 
 from msggen.messages.setpoints import (
     BY_NUMBER,
-    FIXED_WING_KIND,
     SUCCESS,
     TRAJECTORY,
     UNKNOWN_TYPE,
     UNSUPPORTED_TYPE,
 )
+from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING
 
 Controls: TypeAlias = frozenset[str]

@@ -1,0 +1,74 @@
+"""The change of a VTOL between hovering and forward flight."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any, Final
+
+from msggen.flight.commands import Commands
+from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, title_of
+from msggen.flight.telemetry import is_known_in_air
+from msggen.messages import commands
+
+TRANSITION: Final = 20.0
+"""The time in s within which a VTOL changes: PX4 gives up after VT_TRANS_TIMEOUT, 15 s."""
+KNOWN: Final = 5.0
+"""The age in s up to which the status of a VTOL counts."""
+
+
+def check_vtol(feeds: Feeds) -> Any:
+    """Return the last VehicleStatus. Raise the errors of `Flight.to_fixed_wing` if the vehicle cannot change now."""
+    feed = feeds["vehicle_status"]
+    if feed.latest is None or feed.age > KNOWN:
+        raise feeds.no_answer(f"no vehicle_status within {KNOWN:g} s: whether the vehicle hovers is not known")
+    if not feed.latest.is_vtol:
+        raise UnsupportedError(f"only a VTOL changes between hovering and forward flight, not {title_of(feed.latest)}")
+    if not (is_armed(feed.latest) and is_known_in_air(feeds)):
+        raise FlightError("on the ground, PX4 changes at once, and the vehicle flips over: take off first")
+    return feed.latest
+
+
+async def change(sender: Commands, feeds: Feeds, *, is_forward: bool, seconds: float) -> None:
+    """Let a VTOL change, and wait for the end: see `Flight.to_fixed_wing`."""
+    if not seconds > 0.0:
+        raise ValueError(f"expected a timeout above 0 s, got {seconds:g}")
+    before = check_vtol(feeds)
+    status, name = feeds["vehicle_status"], "forward flight" if is_forward else "hovering"
+    has_begun = False
+
+    def is_there(each: Any) -> bool:
+        return not is_in_transition(each) and is_on_wings(each) == is_forward
+
+    def follow(each: Any) -> None:
+        nonlocal has_begun
+        has_begun = has_begun or is_in_transition(each)
+
+    def is_over(each: Any) -> bool:
+        return is_there(each) or (has_begun and not is_in_transition(each))
+
+    if is_there(before):
+        return
+    with suppress(UnsupportedError):  # v1.15 does not tell of a quad-chute
+        feeds["vtol_vehicle_status"]
+    end = status.call(follow)  # a short transition can be over before the acknowledgement
+    try:
+        state = commands.FORWARD if is_forward else commands.HOVERING
+        await sender.send(commands.VTOL_TRANSITION, float(state), 0.0, what=f"change to {name}", shown=is_in_transition)
+        found = await status.wait(is_over, seconds)
+    except TimeoutError:
+        raise NotReachedError(f"the vehicle has not changed to {name} within {seconds:g} s") from None
+    finally:
+        end()
+    if not is_there(found):
+        raise NotReachedError(f"the vehicle has not changed to {name}: {_why_not(feeds, found)}")
+
+
+def _why_not(feeds: Feeds, status: Any) -> str:
+    """Return why a transition has ended, as far as the vehicle tells."""
+    with suppress(UnsupportedError):
+        found = feeds["vtol_vehicle_status"].latest
+        if found is not None and found.fixed_wing_system_failure:
+            return "a quad-chute has ended it (VT_TRANS_TIMEOUT, VT_F_TR_OL_TM, VT_QC_T_ALT_LOSS), and it hovers"
+    return described(status)
