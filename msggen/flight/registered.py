@@ -26,7 +26,7 @@ from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides, check_overrides
 from msggen.flight.part import Part, needed_topics
-from msggen.flight.registration import ARMED, NONE, ArmedError, Ids, Registrar
+from msggen.flight.registration import ARMED, NONE, REPLY, ArmedError, Ids, Registrar, ids_of
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming, is_asked
 from msggen.flight.running_executor import Charge
@@ -262,6 +262,7 @@ class Parts:
         if self._answers is None or self._restarts is None:
             self._answers = Answers(self.connection, self._feeds)
             self._restarts = Restarts(self._feeds, self._mask, self._mask_of_checks, self._lose)
+            self._feeds[REPLY].call(self._take_registration)
         return self._answers, self._restarts
 
     def _begin(self, part: Part, ids: Ids, *, is_resumed: bool) -> Active:
@@ -314,6 +315,13 @@ class Parts:
 
     def _mask_of_checks(self) -> int:
         return sum(1 << active.ids.check for active in self._active.values() if active.ids.mode == NONE)
+
+    def _take_registration(self, reply: Any) -> None:
+        """Give up an id that the vehicle has assigned to somebody else, whose check would get the replies of two."""
+        ids = ids_of(reply)
+        own = (each.ids for each in self._active.values())
+        if reply.success and any(each.check == ids.check and each != ids for each in own):
+            self._lose(f"the vehicle has registered {ids.name!r} in its place", 1 << ids.check)
 
     def _lose(self, why: str, lost: int) -> None:
         """End modes and checks, because the vehicle no longer knows their ids, and register them again."""
