@@ -85,9 +85,15 @@ class Parts:
             for part in added:
                 self._drop(part.subject)
             raise
+        self._begin_executors(self._feeds["vehicle_status"].latest)
         self._parts += added
         if any(type(part.subject) not in self._active for part in added):
             self._renew()
+
+    def _begin_executors(self, status: Any) -> None:
+        """Let executors follow the vehicle, once all that they can fly is registered."""
+        for charge in self._charges:
+            charge.begin(status)
 
     def _check(self, part: Part) -> None:
         """Raise an error before anything is sent."""
@@ -227,6 +233,7 @@ class Parts:
         resuming.tell_slot(ids)
         restarts.begin()
         if is_resumed:
+            self._begin_executors(None)
             return
         try:
             if isinstance(active, ActiveMode):
@@ -298,15 +305,23 @@ class Parts:
             self._memory.release(active.ids.name)
 
     async def _until_ready(self, ids: Ids) -> None:
-        """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check."""
+        """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check.
+
+        In the meantime, PX4 can count it for the check 0, so the other modes are not ready either.
+        """
         if ids.mode != NONE:
-            bit = 1 << ids.mode
+            bits = 1 << ids.mode | self._bits_of_runnable()
             with suppress(TimeoutError):  # the conditions of the mode are not met
-                await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
+                await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bits, _READY)
             return
         with suppress(TimeoutError):
             await self._feeds["arming_check_request"].following(lambda each: is_asked(each, ids.check), _READY)
             await asyncio.sleep(_READ)
+
+    def _bits_of_runnable(self) -> int:
+        """Return the modes whose conditions are met, as bits."""
+        modes = [(each.ids.mode, each.verdict()) for each in self._active.values() if each.ids.mode != NONE]
+        return sum(1 << mode for mode, verdict in modes if verdict.can_run and not verdict.problems)
 
     # after a restart
 
@@ -356,6 +371,7 @@ class Parts:
         while True:
             missing = [each for each in self._parts if type(each.subject) not in self._active and each not in given_up]
             if not missing:
+                self._begin_executors(self._feeds["vehicle_status"].latest)
                 return
             try:
                 await self._add(missing[0], is_again=True)
