@@ -230,7 +230,9 @@ class External:
         self._end(self.fused - found.parts - {PLACE})
         if YAW in found.parts:
             self._look_at_yaw(found, can_start=can_start, is_reset=is_reset)
-        if POSITION in found.parts and (self.is_yaw_aligned or found.frame == FRD):
+        if not self.is_yaw_aligned and found.frame != FRD:
+            self._end({POSITION})
+        elif POSITION in found.parts:
             self._look_at_position(found, can_start=can_start, is_reset=is_reset)
         if VELOCITY in found.parts:
             self._look_at_velocity(found, can_start=can_start)
@@ -243,10 +245,10 @@ class External:
             return
         error = wrapped(found.yaw - flight.yaw)
         is_near = abs(error) <= _YAW_GATE * math.sqrt(found.variances[2] + _STATE_VARIANCE)
-        is_new = YAW not in self.fused or is_reset
-        if is_near or is_new or self._is_late(YAW):
+        is_new = YAW not in self.fused or is_reset or self._is_late(YAW)
+        if is_near or is_new:
             self._use(YAW)
-        if (is_new and (is_turned or not is_near)) or (not is_near and YAW in self.fused and self._is_late(YAW)):
+        if is_new and (is_turned or not is_near):
             flight.yaw += error
             self.heading_resets += 1
             self.is_yaw_aligned = not is_turned
@@ -347,6 +349,7 @@ class External:
 
     def _end(self, parts: frozenset[Part] | set[Part]) -> None:
         if self.fused & parts:
+            self.is_yaw_aligned |= YAW in parts  # the magnetometer gives the heading again
             self.fused -= parts
             self.changes += 1
 

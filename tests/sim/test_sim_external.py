@@ -245,6 +245,29 @@ def test_yaw(started: Camera) -> None:
 # What was read of the source
 
 
+def test_a_heading_that_jumps_is_followed_after_a_second(started: Camera) -> None:
+    started.run(1.0, lambda: started.local(q=quaternion_of(0.0, 0.0, 0.0)))
+    send = lambda: started.local(q=quaternion_of(0.0, 0.0, 2.0))  # noqa: E731 - what is sent
+    assert started.until(lambda: abs(started.place().heading - 2.0) < 1e-3, send) == pytest.approx(1.2, abs=0.2)
+    assert "attitude" in started.fused
+
+
+def test_a_position_in_ned_needs_north(started: Camera) -> None:
+    started.world.external.is_yaw_aligned = False
+    started.run(1.0, started.local)
+    assert started.fused == {"height"}
+    started.run(1.0, lambda: started.local(pose_frame=2))
+    assert started.fused == {"position", "height"}
+
+
+def test_the_heading_is_from_north_again_when_that_of_a_level_frame_ends(started: Camera) -> None:
+    started.run(1.0, lambda: started.local(q=quaternion_of(0.0, 0.0, 1.0), pose_frame=2))
+    assert not started.flags().cs_yaw_align
+    started.run(1.0, started.local)
+    assert started.flags().cs_yaw_align
+    assert started.fused == {"position", "height"}
+
+
 @given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**52), 2**52), st.integers(0, 2**52))
 def test_times_that_arrive_count_since_boot(px4_types: Any, stamp: int, sample: int, offset: int, now: int) -> None:
     """0, times to come and those of another clock count as now, in both fields."""
