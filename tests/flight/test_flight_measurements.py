@@ -279,11 +279,13 @@ def test_times_that_ekf2_would_not_use_are_left_out(types: Any, caplog: pytest.L
     ]
 
 
-def test_a_time_of_another_clock_is_an_error(px4_types: Any) -> None:
+def test_a_time_of_another_clock_is_an_error(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msggen.flight.measurements._OTHER_CLOCK", 2.0)
+
     async def program(flight: Flight, vehicle: Flown) -> int:
-        await asyncio.sleep(62.0)
+        await asyncio.sleep(3.0)
         before = len(vehicle.sent)
-        for change, problem in ((500_000, "0.5 s in the future"), (-62_000_000, "62 s old, by another clock or in")):
+        for change, problem in ((500_000, "0.5 s in the future"), (-3_000_000, "3 s old, by another clock or in")):
             with pytest.raises(ValueError, match=problem):
                 flight.measure.local(**HERE, time=flight.measure.time + change)
         with pytest.raises(TypeError, match="expected `time` in whole us"):
@@ -469,9 +471,6 @@ def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -
         await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
         await flight.measure.fused()
         await vehicle.in_air(flight, 3.0)
-        async with flight.offboard() as setpoint:
-            await setpoint.goto((2.0, 0.0, -3.0))
-            assert math.dist(vehicle.world.flight.position, (2.0, 0.0, -3.0)) < 0.5
         eyes.cancel()
         assert 4.0 < await vehicle.until(lambda: not vehicle.world.has_position, 6.0) < 5.0
         await vehicle.until(lambda: vehicle.world.mode == 12, 1.0)
