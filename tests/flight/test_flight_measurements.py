@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
 import time
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -13,13 +14,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import msggen.flight
 from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPlace, NotFusedError, UnsupportedError
 from msggen.flight.measured import AXES, Source
 from msggen.flight.measurements import Measurements
+from msggen.flight.pytest import SimVehicle
 from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, SOURCES
 from msggen.sim import Options
 from msggen.sim.attitude import product
-from support.flown import Flown, fly
+from support.flown import Flown, Line, fly
+from support.repository import ROOT
 
 pytest_plugins = ["support.flight_releases"]
 
@@ -478,10 +482,34 @@ def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -
     fly(types, program, INDOORS)
 
 
+def test_a_program_that_flies_and_measures_and_dies(types: Any) -> None:
+    """The vehicle returns as after the death of each program, and descends when it has lost its position."""
+
+    async def program(flight: Flight, vehicle: Flown) -> list[tuple[str, float]]:
+        eyes = asyncio.ensure_future(
+            repeat(lambda: flight.measure.local(position=vehicle.world.flight.position, variance=0.01))
+        )
+        await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
+        await flight.measure.fused()
+        await flight.add(Line)
+        await vehicle.in_air(flight, 3.0)
+        await flight.set_mode(Line)
+        await asyncio.sleep(1.0)
+        vehicle.loss, begin, found = 1.0, vehicle.time, []
+        for mode in (5, 12):
+            await vehicle.until(lambda mode=mode: vehicle.world.mode == mode, 6.0)  # type: ignore[misc]
+            found.append((vehicle.world.mode_name, (vehicle.time - begin) / 1e6))
+        eyes.cancel()
+        return found
+
+    (first, after), (last, lost) = fly(types, program, INDOORS)
+    assert (first, last) == ("return", "descend")
+    assert 0.5 < after < 1.5
+    assert 4.0 < lost < 5.2
+
+
 def test_programs_without_asyncio_measure_too(px4_types: Any) -> None:
-    vehicle = Flown(px4_types, INDOORS)
-    vehicle.new_loop = lambda: _loop(vehicle)  # type: ignore[attr-defined]
-    with BlockingFlight(vehicle) as flight:
+    with BlockingFlight(SimVehicle(px4_types, INDOORS)) as flight:
         for _ in range(20):
             assert flight.measure.local(**HERE, time=flight.measure.time)
             flight.sleep(PERIOD)
@@ -491,10 +519,16 @@ def test_programs_without_asyncio_measure_too(px4_types: Any) -> None:
             flight.measure.local(**HERE, frame="nde")  # type: ignore[arg-type]
 
 
-def _loop(vehicle: Flown) -> Any:
-    from msggen.sim.loop import SimulatedLoop
-
-    return SimulatedLoop([vehicle], vehicle.time)
+def test_the_program_without_asyncio_on_the_page(
+    px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its fence differs from those of the other programs, which need an event loop."""
+    page = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
+    ((code, shown),) = re.findall(r"^```py\n(.*?)^```\n\n```text\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    vehicle = SimVehicle(px4_types, INDOORS)
+    monkeypatch.setattr(msggen.flight, "BlockingFlight", lambda _, types: BlockingFlight(vehicle, types))
+    exec(code, {})  # noqa: S102 - the code of the page
+    assert capsys.readouterr().out == shown
 
 
 # Lists
