@@ -239,27 +239,32 @@ def _turned(q: Any, vector: Any) -> Any:
     return product(product(q, (0.0, *vector)), (w, -x, -y, -z))[1:]
 
 
-def test_frames_are_those_of_the_package(px4_types: Any) -> None:
-    """The attitude and the place are those that the generated package converts."""
-    q = (0.8, 0.2, -0.4, math.sqrt(0.16))
+@given(NUMBERS, UNITS)
+def test_frames_are_those_of_the_package(px4_types: Any, vector: Any, q: Any) -> None:
+    frames = px4_types.frames
+    length = math.hypot(*q)
+    unit: Any = tuple(each / length for each in q)
+    assert AXES["enu"].vector(vector) == frames.enu_to_ned(vector)
+    assert AXES["flu"].vector(vector) == frames.flu_to_frd(vector)
+    assert AXES["enu"].attitude(unit) == pytest.approx(frames.ros_to_px4_orientation(unit), abs=1e-12)
+    assert AXES["flu"].attitude(unit) == pytest.approx(frames.local_frd_to_flu_orientation(unit), abs=1e-12)
+
+
+def test_what_is_sent_is_converted(px4_types: Any) -> None:
     (message,) = sent_by(
         px4_types,
         lambda flight: flight.measure.local(
-            position=(1.0, 2.0, 3.0), variance=(0.1, 0.2, 0.3), attitude=q, attitude_variance=0.1, frame="enu"
+            position=(1.0, 2.0, 3.0),
+            variance=(0.1, 0.2, 0.3),
+            **MOVING | {"velocity": (4.0, 5.0, 6.0)},
+            **LEVEL,
+            frame="enu",
+            velocity_frame="body_flu",
         ),
     )
-    assert message.position == (2.0, 1.0, -3.0)
+    assert (message.position, message.velocity) == ((2.0, 1.0, -3.0), (4.0, -5.0, -6.0))
     assert message.position_variance == pytest.approx((0.2, 0.1, 0.3))
-    w, x, y, z = message.q
-    half = math.sqrt(0.5)
-    assert (w, x, y, z) == pytest.approx(
-        (half * (q[0] + q[3]), half * (q[1] + q[2]), half * (q[1] - q[2]), half * (q[0] - q[3]))
-    )
-    east = (1.0, 0.0, 0.0, 0.0)
-    (message,) = sent_by(
-        px4_types, lambda flight: flight.measure.local(attitude=east, attitude_variance=0.1, frame="enu")
-    )
-    assert message.q == pytest.approx((half, 0.0, 0.0, half))
+    assert message.q == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))  # it looks to the east
 
 
 # Times
