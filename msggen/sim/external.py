@@ -77,6 +77,7 @@ class _Odometry(NamedTuple):
     position: Vector
     velocity: Vector
     yaw: float
+    """NaN without an attitude. It turns FRD frames, also where it is not to be fused."""
     variances: tuple[float, float, float]
     """Of the horizontal position, of velocity and yaw."""
     resets: int
@@ -133,7 +134,7 @@ class External:
             return
         self._newest = time
         parts = taken({name: getattr(message, name) for name in _FIELDS})
-        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else 0.0
+        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else math.nan
         noises = (_noise(message.position_variance, 0, 1), _noise(message.velocity_variance, 0, 1, 2))
         found = _Odometry(
             time,
@@ -290,7 +291,7 @@ class External:
     def _turned(self, found: _Odometry) -> Vector:
         """Return a position in the frame of the estimate: an FRD frame is turned, unless the estimate is in it."""
         x, y, z = found.position
-        if found.frame != FRD or YAW not in found.parts or YAW in self.fused:
+        if found.frame != FRD or math.isnan(found.yaw) or YAW in self.fused:
             return x, y, z
         turn = self._world.flight.yaw - found.yaw
         return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn), z
