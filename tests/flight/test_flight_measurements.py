@@ -480,6 +480,11 @@ def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -
         await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
         await flight.measure.fused()
         await vehicle.in_air(flight, 3.0)
+        north, east, down = vehicle.world.flight.position
+        await asyncio.sleep(PERIOD / 2)
+        assert flight.measure.local(position=(north + 10.0, east, down), variance=0.01, reset=True)
+        await asyncio.sleep(1.0)
+        assert math.dist(vehicle.world.flight.position, (north + 10.0, east, down)) < 0.5, "it holds where it is"
         eyes.cancel()
         assert 4.0 < await vehicle.until(lambda: not vehicle.world.has_position, 6.0) < 5.0
         await vehicle.until(lambda: vehicle.world.mode == 12, 1.0)
