@@ -12,7 +12,7 @@ from msggen.base.diagnostics import suggestion
 from msggen.flight.elsewhere import Hinted
 from msggen.flight.places import GlobalPlace, OnEarth
 from msggen.flight.setpoints import finite
-from msggen.flight.space import three
+from msggen.flight.space import three, turned
 from msggen.flight.usage import MEASURED, ON_EARTH, explained
 from msggen.messages.measurements import (
     BODY_FRD,
@@ -39,13 +39,11 @@ Source: TypeAlias = Literal["unknown", "gnss", "vision", "pseudolites", "terrain
 Variance: TypeAlias = float | Sequence[float]
 """One for all axes, or one for each."""
 
-
 _ROUGHLY: Final = 0.01
 """How far from 1 the length of a quaternion may be, which is normalized then."""
 _NONE: Final = (math.nan, math.nan, math.nan)
 _BEST: Final = 100
 """`quality` of VehicleOdometry, which EKF2_EV_QMIN asks for."""
-
 
 Vector3: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
@@ -64,8 +62,7 @@ def _same(values: Any) -> Any:
 
 
 def _enu(vector: Vector3) -> Vector3:
-    x, y, z = vector
-    return y, x, -z
+    return turned(vector, "enu")
 
 
 def _flu(vector: Vector3) -> Vector3:

@@ -77,6 +77,7 @@ class _Odometry(NamedTuple):
     position: Vector
     velocity: Vector
     yaw: float
+    """NaN without an attitude. It turns FRD frames, also where it is not to be fused."""
     variances: tuple[float, float, float]
     """Of the horizontal position, of velocity and yaw."""
     resets: int
@@ -133,7 +134,7 @@ class External:
             return
         self._newest = time
         parts = taken({name: getattr(message, name) for name in _FIELDS})
-        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else 0.0
+        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else math.nan
         noises = (_noise(message.position_variance, 0, 1), _noise(message.velocity_variance, 0, 1, 2))
         found = _Odometry(
             time,
@@ -230,7 +231,9 @@ class External:
         self._end(self.fused - found.parts - {PLACE})
         if YAW in found.parts:
             self._look_at_yaw(found, can_start=can_start, is_reset=is_reset)
-        if POSITION in found.parts and (self.is_yaw_aligned or found.frame == FRD):
+        if not self.is_yaw_aligned and found.frame != FRD:
+            self._end({POSITION})
+        elif POSITION in found.parts:
             self._look_at_position(found, can_start=can_start, is_reset=is_reset)
         if VELOCITY in found.parts:
             self._look_at_velocity(found, can_start=can_start)
@@ -243,10 +246,10 @@ class External:
             return
         error = wrapped(found.yaw - flight.yaw)
         is_near = abs(error) <= _YAW_GATE * math.sqrt(found.variances[2] + _STATE_VARIANCE)
-        is_new = YAW not in self.fused or is_reset
-        if is_near or is_new or self._is_late(YAW):
+        is_new = YAW not in self.fused or is_reset or self._is_late(YAW)
+        if is_near or is_new:
             self._use(YAW)
-        if (is_new and (is_turned or not is_near)) or (not is_near and YAW in self.fused and self._is_late(YAW)):
+        if is_new and (is_turned or not is_near):
             flight.yaw += error
             self.heading_resets += 1
             self.is_yaw_aligned = not is_turned
@@ -288,7 +291,7 @@ class External:
     def _turned(self, found: _Odometry) -> Vector:
         """Return a position in the frame of the estimate: an FRD frame is turned, unless the estimate is in it."""
         x, y, z = found.position
-        if found.frame != FRD or YAW not in found.parts or YAW in self.fused:
+        if found.frame != FRD or math.isnan(found.yaw) or YAW in self.fused:
             return x, y, z
         turn = self._world.flight.yaw - found.yaw
         return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn), z
@@ -347,6 +350,7 @@ class External:
 
     def _end(self, parts: frozenset[Part] | set[Part]) -> None:
         if self.fused & parts:
+            self.is_yaw_aligned |= YAW in parts  # the magnetometer gives the heading again
             self.fused -= parts
             self.changes += 1
 
