@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from msggen.flight.blocking import BlockingFlight
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
@@ -27,6 +28,7 @@ from msggen.flight.missions import (
 )
 from msggen.flight.missions.plan import RESUMING, Item
 from msggen.flight.places import GlobalPlace
+from msggen.flight.pytest import SimVehicle
 from msggen.messages import commands, earth
 from msggen.sim.loop import run
 from msggen.sim.places import Home
@@ -754,6 +756,16 @@ def test_an_action_can_repeat_a_part_of_the_mission(types: Any) -> None:
 
     fly(types, program)
     assert indices == [0, 1, 2, 0, 1, 2, 3, 4]
+
+
+def test_a_program_without_asyncio_flies_a_mission(px4_types: Any) -> None:
+    mission = Mission(Plan((TAKE_OFF, ActionItem("nothing"), ActionItem("land"))), actions={"nothing": nothing})
+    vehicle = SimVehicle(px4_types)
+    with BlockingFlight(vehicle) as flight:
+        flight.add(mission)
+        flight.arm()
+        flight.fly(mission)
+        assert vehicle.world.is_landed
 
 
 @pytest.mark.parametrize(("altitude", "error"), [(math.nan, "finite"), (400.0, "above the ground, which is at 488 m")])
