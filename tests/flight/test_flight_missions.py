@@ -758,6 +758,28 @@ def test_an_action_can_repeat_a_part_of_the_mission(types: Any) -> None:
     assert indices == [0, 1, 2, 0, 1, 2, 3, 4]
 
 
+def test_a_mission_holds_for_a_time(types: Any) -> None:
+    times: list[float] = []
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        def note(_: int) -> None:
+            times.append(vehicle.time / 1e6)
+
+        plan = Plan((TAKE_OFF, ActionItem("hold", {"duration": 3.0}), ActionItem("hold"), ActionItem("land")))
+        mission = Mission(plan, on_progress=note)
+        await flight.add(mission)
+        await flight.arm()
+        flying = asyncio.ensure_future(flight.fly(mission))
+        await vehicle.until(lambda: len(times) == 2, 20.0)
+        await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)
+        await flying
+
+    fly(types, program)
+    _, first, second, end, _ = times
+    assert 3.0 <= second - first < 3.5
+    assert 1.0 <= end - second < 1.5
+
+
 def test_a_program_without_asyncio_flies_a_mission(px4_types: Any) -> None:
     mission = Mission(Plan((TAKE_OFF, ActionItem("nothing"), ActionItem("land"))), actions={"nothing": nothing})
     vehicle = SimVehicle(px4_types)
