@@ -7,6 +7,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,9 +27,11 @@ from msggen.flight.missions import (
     Settings,
     Waypoint,
 )
+from msggen.flight.missions.legs import _is_due
 from msggen.flight.missions.plan import RESUMING, Item
 from msggen.flight.places import GlobalPlace
 from msggen.flight.pytest import SimVehicle
+from msggen.flight.space import Vector
 from msggen.messages import commands, earth
 from msggen.sim.loop import run
 from msggen.sim.places import Home
@@ -486,6 +489,7 @@ def test_failure_default(types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(MissionError, match="no action 'nonExistentAction'") as caught:
             await flying
         assert (caught.value.reason, caught.value.index, mission.index) == ("actionDoesNotExist", 1, 1)
+        assert str(caught.value).startswith("there is no action")
         await asyncio.sleep(3.0)
 
     fly(types, program)
@@ -513,8 +517,16 @@ def test_failure_invalid_handler(types: Any) -> None:
         assert [each.is_valid for each in handlers] == [False, True]
         with pytest.raises(FlightError, match="this action has ended"):
             await handlers[0].fly_to([at(1.0).place])
-        with pytest.raises(FlightError, match="this action has ended"):
-            await handlers[0].vehicle.return_home()
+        calls: tuple[Callable[[Handler], object], ...] = (
+            lambda handler: handler.vehicle,
+            lambda handler: handler.store("fails", {}),
+            lambda handler: handler.forget("fails"),
+            lambda handler: setattr(handler, "index", 0),
+            lambda handler: setattr(handler, "settings", Settings()),
+        )
+        for call in calls:
+            with pytest.raises(FlightError, match="this action has ended"):
+                call(handlers[0])
         vehicle.choose(HOLD)
         with pytest.raises(FlightError):
             await flying
@@ -756,6 +768,29 @@ def test_an_action_can_repeat_a_part_of_the_mission(types: Any) -> None:
 
     fly(types, program)
     assert indices == [0, 1, 2, 0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("place", "heading", "is_due"),
+    [
+        ((0.0, 0.0, 0.0), 0.0, False),
+        ((0.0, 0.2, 0.0), 0.0, False),
+        ((0.0, 0.6, 0.0), 0.0, True),
+        ((8.5, 0.0, 0.0), 0.0, True),
+        ((9.95, 0.0, 9.0), None, False),
+        ((9.95, 0.0, 9.0), 0.0, True),
+        ((9.95, 0.0, 1.0), None, True),
+        ((0.0, 0.0, 0.0), None, True),
+    ],
+)
+def test_a_vehicle_is_turned_when_the_waypoint_is_elsewhere(
+    place: tuple[float, float, float],
+    heading: float | None,
+    is_due: bool,  # noqa: FBT001
+) -> None:
+    """A waypoint 10 m north: near it, or 3 degrees off the heading. Above or below it, there is no heading."""
+    estimate = SimpleNamespace(**dict(zip("xyz", place, strict=True)))
+    assert _is_due(Vector(10.0, 0.0, 0.0), 2.0, heading, estimate) is is_due
 
 
 def test_a_mission_holds_for_a_time(types: Any) -> None:
