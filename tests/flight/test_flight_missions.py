@@ -657,6 +657,7 @@ def test_an_action_that_raises_fails_the_mission(types: Any) -> None:
         assert len([each for each in sent if each.command == commands.RETURN]) == 1
 
     fly(types, program)
+    assert ended.count("breaks") == 2  # before `onFailure`, and at the end
     assert "an action of mission 'Mission' has failed" in ended
     assert "`deactivate` of action 'breaks' has failed" in ended
 
