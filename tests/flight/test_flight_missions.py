@@ -524,6 +524,8 @@ def test_failure_invalid_handler(types: Any) -> None:
             lambda handler: setattr(handler, "index", 0),
             lambda handler: setattr(handler, "settings", Settings()),
         )
+        with pytest.raises(FlightError, match="this action has ended"):
+            await handlers[0].run_action("land")
         for call in calls:
             with pytest.raises(FlightError, match="this action has ended"):
                 call(handlers[0])
