@@ -137,7 +137,7 @@ WRONG = {
     "F105 warning: unknown key 'duratoin' of 'hold', did you mean 'duration'?": text_of(
         {"type": "hold", "duratoin": 3}
     ),
-    "F105 warning: unknown key 'item' of the mission, did you mean 'items'?": text_of({"type": "rtl"}, item=3),
+    "1:56: F105 warning: unknown key 'item' of the mission, did you mean 'items'?": text_of({"type": "rtl"}, item=3),
     "F106 warning: id 'a' is that of the item on line 1, too": text_of(
         {"type": "rtl", "id": "a"}, {"type": "land", "id": "a"}
     ),
@@ -368,7 +368,7 @@ def test_an_index_beyond_the_mission_is_discarded(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     mission = Mission(PLAN, state=tmp_path / "missing" / "m.state")
     (tmp_path / "missing").write_bytes(b"")
-    for index in (0, 1):
+    for index in (0, 1, 0):
         mission._progress.index = index
     with pytest.raises(FlightError):
         Mission(PLAN, state=tmp_path / "missing" / "m.state")

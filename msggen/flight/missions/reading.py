@@ -41,8 +41,6 @@ _WAYPOINT: Mapping[str, Expected] = {"x": LATITUDE, "y": LONGITUDE, "z": NUMBER}
 _DEFAULTS: Mapping[str, Expected] = dict.fromkeys(SETTINGS, POSITIVE)
 _ONLY: Mapping[str, str] = {"navigationType": "waypoint", "frame": "global"}
 """The keys of waypoints that have one value."""
-
-
 _NONE: Mapping[str, object] = MappingProxyType({})
 
 
@@ -129,16 +127,12 @@ class _Reading:
 
     def _waypoint(self, value: Value, name: str) -> Waypoint | None:
         optional = {"type": TEXT, "id": TEXT}
-        only = {key: Expected(f"'{text}'", _is_text) for key, text in _ONLY.items()}
+        only = {key: Expected(f"'{text}'", TEXT.holds) for key, text in _ONLY.items()}
         found = self._values(value, "the waypoint", {**only, **_WAYPOINT}, optional)
-        is_known = True
-        for key, text in _ONLY.items():
-            if key in found and found[key] != text:
-                at = _members(value)[key].start
-                near = f"{key} '{found[key]}' is not supported: version {VERSION} of the format has only '{text}'"
-                self._tell(at, _UNSUPPORTED, near)
-                is_known = False
-        if not is_known or not found.keys() >= {*_ONLY, *_WAYPOINT}:
+        for key in [key for key, text in _ONLY.items() if found.get(key, text) != text]:
+            text = f"{key} '{found.pop(key)}' is not supported: version {VERSION} of the format has only '{_ONLY[key]}'"
+            self._tell(_members(value)[key].start, _UNSUPPORTED, text)
+        if not found.keys() >= {*_ONLY, *_WAYPOINT}:
             return None
         place = GlobalPlace(*(float(found[key]) for key in _WAYPOINT))
         return Waypoint(place, name)
@@ -206,7 +200,3 @@ class _Reading:
 
 def _members(value: Value) -> Mapping[str, Value]:
     return value.content if isinstance(value.content, dict) else {}
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
