@@ -1,7 +1,7 @@
 """What a simulated vehicle does when its program, or the link to it, is gone: `python docs/measure_flight_safety.py`.
 
-It prints the table of docs/flight_safety.md, and with `--write` puts it on that page. A flight takes about 0.1 s: it is
-on the clock of the vehicle.
+It prints the table of docs/flight_safety.md, or with `--others` that of planes, VTOLs and rovers, and with `--write` puts
+it on that page. A flight takes about 0.1 s: it is on the clock of the vehicle.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, cast
 
-from msggen.flight import TRAJECTORY, Executor, Flight, Mode, NoAnswerError
+from msggen.flight import FIXED_WING, GOTO, ROVER, TRAJECTORY, Executor, Flight, Mode, NoAnswerError
 from msggen.messages.nav_states import MODE_NAMES
 from msggen.sim import Options
 from msggen.sim.loop import SimulatedLoop, run
 from msggen.sim.near import NearVehicle
 
 RELEASES = ("v1.15", "v1.18")
+OF_OTHERS = ("v1.17", "v1.18")
+"""The releases for which other vehicles are measured: they begin with v1.17."""
 PHASES = (0.0, 0.08, 0.16, 0.24)
 """When a flight begins, in s: PX4 asks programs every 0.3 s, and the times depend on when it has asked last."""
 _WAIT = 12.0
@@ -229,6 +231,122 @@ async def restarted(flight: Flight, vehicle: LossyVehicle) -> Seen:
     return Seen((vehicle.time - begin) / 1e6, "registered again", 0.0)
 
 
+class Hovers(Mode, name="Away"):
+    """Hovers with a VTOL, and flies away."""
+
+    setpoints = (GOTO, TRAJECTORY, FIXED_WING)
+
+    async def fly(self) -> None:
+        """Fly by velocity."""
+        self.trajectory(velocity=(_SPEED, 0.0, 0.0))
+        await asyncio.sleep(1000.0)
+
+
+class Changes(Hovers, name="Away"):
+    """Changes to forward flight."""
+
+    async def fly(self) -> None:
+        """Change, and wait."""
+        await asyncio.sleep(2.0)
+        await self.to_fixed_wing()
+        await asyncio.sleep(1000.0)
+
+
+class Forward(Hovers, name="Away"):
+    """Flies away with a VTOL on its wings."""
+
+    async def fly(self) -> None:
+        """Change, and fly on a course."""
+        await self.to_fixed_wing()
+        self.fixed_wing(course_deg=0.0)
+        await asyncio.sleep(1000.0)
+
+
+class Plane(Mode, name="Away"):
+    """Flies away with a plane."""
+
+    setpoints = (FIXED_WING,)
+
+    async def fly(self) -> None:
+        """Fly on a course, and fail after 10 s."""
+        self.fixed_wing(course_deg=0.0)
+        await asyncio.sleep(10.0)
+        raise ArithmeticError
+
+
+class Drives(Mode, name="Away"):
+    """Drives away with a rover."""
+
+    setpoints = ROVER
+
+    async def fly(self) -> None:
+        """Drive, and fail after 10 s."""
+        self.rover(speed=2.0, heading_deg=0.0)
+        await asyncio.sleep(10.0)
+        raise ArithmeticError
+
+
+_AWAY: Sequence[tuple[str, str, type[Mode], float]] = (
+    ("plane", "plane", Plane, 8.0),
+    ("rover", "rover", Drives, 8.0),
+    ("VTOL hovering", "vtol", Hovers, 4.0),
+    ("VTOL changing", "vtol", Changes, 3.0),
+    ("VTOL on wings", "vtol", Forward, 8.0),
+)
+"""Each vehicle with its name, its kind, its mode, and how long the mode has flown in s."""
+
+
+async def away(flight: Flight, mode: type[Mode], seconds: float) -> None:
+    """Let a mode of a vehicle fly away."""
+    await flight.add(mode)
+    await flight.arm()
+    if mode is not Drives:
+        await flight.takeoff(30.0)
+        await asyncio.sleep(3.0)
+    await flight.set_mode(mode)
+    await asyncio.sleep(seconds)
+
+
+def killed(mode: type[Mode], seconds: float) -> Case:
+    """Return a case in which the program is killed."""
+
+    async def case(flight: Flight, vehicle: LossyVehicle) -> Seen:
+        await away(flight, mode, seconds)
+        vehicle.is_cut = True
+        return await observe(vehicle)
+
+    return case
+
+
+def hanging(mode: type[Mode], seconds: float) -> Case:
+    """Return a case in which the program hangs."""
+
+    async def case(flight: Flight, vehicle: LossyVehicle) -> Seen:
+        await away(flight, mode, seconds)
+        return await observe(vehicle, cast("SimulatedLoop", asyncio.get_running_loop()).block)
+
+    return case
+
+
+def failing(mode: type[Mode]) -> Case:
+    """Return a case in which `fly` raises an exception."""
+
+    async def case(flight: Flight, vehicle: LossyVehicle) -> Seen:
+        has_failed = asyncio.Event()
+        asyncio.get_running_loop().set_exception_handler(lambda *_: has_failed.set())
+        await away(flight, mode, 0.0)
+        await has_failed.wait()
+        return await observe(vehicle)
+
+    return case
+
+
+OTHERS: Sequence[tuple[str, str, Case]] = (
+    *((f"the program is killed, {name}", kind, killed(mode, seconds)) for name, kind, mode, seconds in _AWAY),
+    *((f"the program hangs, {name}", kind, hanging(mode, seconds)) for name, kind, mode, seconds in _AWAY),
+    *((f"`fly` raises, {name}", kind, failing(mode)) for name, kind, mode, _ in _AWAY[:2]),
+)
+"""The rows of the table of other vehicles, with the kind of each."""
 CASES: Sequence[tuple[str, Case]] = (
     ("the program is killed, goto", killed_in_goto),
     ("the program is killed, trajectory", killed_in_trajectory),
@@ -246,9 +364,11 @@ CASES: Sequence[tuple[str, Case]] = (
 )
 
 
-def measure(package: ModuleType, case: Case, phase: float, *, is_removable: bool) -> Seen:
+def measure(
+    package: ModuleType, case: Case, phase: float, *, is_removable: bool = False, kind: str = "multicopter"
+) -> Seen:
     """Fly a case."""
-    vehicle = LossyVehicle(package, Options(parameters={_REMOVABLE: float(is_removable)}))
+    vehicle = LossyVehicle(package, Options(vehicle=kind, parameters={_REMOVABLE: float(is_removable)}))
 
     async def main() -> Seen:
         await asyncio.sleep(1.0 + phase)
@@ -274,16 +394,23 @@ def then_of(seen: Sequence[Seen]) -> str:
     return mode if metres < 1.0 or times_of(seen) == "-" else f"{mode}, {metres:.0f} m further on"
 
 
-def table(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
+def table(packages: Sequence[ModuleType], names: Sequence[str], cases: Sequence[tuple[str, Case]] = CASES) -> list[str]:
     """Return the lines of the table."""
     head = f"{'seconds':37}" + "".join(f"{name:14}" for name in names) + "then"
-    return [head, *(line(packages, text, case) for text, case in CASES)]
+    return [head, *(line(packages, text, case) for text, case in cases)]
 
 
-def line(packages: Sequence[ModuleType], text: str, case: Case) -> str:
+def others(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
+    """Return the lines of the table of other vehicles."""
+    return [*table(packages, names, ()), *(line(packages, text, case, kind) for text, kind, case in OTHERS)]
+
+
+def line(packages: Sequence[ModuleType], text: str, case: Case, kind: str = "multicopter") -> str:
     """Return the line of a case."""
     is_removable = _REMOVABLE in text
-    found = [[measure(each, case, phase, is_removable=is_removable) for phase in PHASES] for each in packages]
+    found = [
+        [measure(each, case, phase, is_removable=is_removable, kind=kind) for phase in PHASES] for each in packages
+    ]
     return f"{text:37}" + "".join(f"{times_of(each):14}" for each in found) + then_of(found[-1])
 
 
@@ -311,11 +438,23 @@ def updated(page: str, lines: Sequence[str]) -> str:
     return page
 
 
+def updated_others(page: str, lines: Sequence[str]) -> str:
+    """Return the page with the lines of the table of other vehicles."""
+    block = "\n".join([_COMMAND_OF_OTHERS, *lines, "```"])
+    return re.sub(rf"{re.escape(_COMMAND_OF_OTHERS)}\n.*?```", lambda _: block, page, count=1, flags=re.DOTALL)
+
+
+_COMMAND_OF_OTHERS = "$ python docs/measure_flight_safety.py --others"
+
+
 if __name__ == "__main__":
     from msggen.generate.cache import package_of
 
-    found = table([package_of(each) for each in RELEASES], RELEASES)
+    is_others = "--others" in sys.argv[1:]
+    names = OF_OTHERS if is_others else RELEASES
+    found = (others if is_others else table)([package_of(each) for each in names], names)
     print(*found, sep="\n")
     if "--write" in sys.argv[1:]:
         path = Path(__file__).with_name("flight_safety.md")
-        path.write_text(updated(path.read_text(encoding="utf-8"), found), encoding="utf-8")
+        update = updated_others if is_others else updated
+        path.write_text(update(path.read_text(encoding="utf-8"), found), encoding="utf-8")

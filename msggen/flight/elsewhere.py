@@ -32,6 +32,19 @@ IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
         "TrajectorySetpointType": _SETPOINT,
         "AttitudeSetpointType": "a method of Mode: `self.attitude(...)`",
         "RatesSetpointType": "a method of Mode: `self.rates(...)`",
+        "FwLateralLongitudinalSetpointType": "a method of Mode: `self.fixed_wing(...)`",
+        "RoverPositionSetpointType": "a method of Mode: `await self.goto(...)`",
+        **dict.fromkeys(
+            (
+                f"Rover{speed}{turn}SetpointType"
+                for speed in ("Speed", "Throttle")
+                for turn in ("Attitude", "Rate", "Steering")
+            ),
+            "a method of Mode: `self.rover(...)`",
+        ),
+        "DirectActuatorsSetpointType": "a method of Mode: `self.actuators(...)`",
+        "PeripheralActuatorControls": "`flight.set_actuators(...)`",
+        "VTOL": "methods of Mode: `await self.to_fixed_wing()`, `await self.to_multicopter()`",
         "OdometryLocalPosition": _TELEMETRY,
         "OdometryGlobalPosition": _TELEMETRY,
         "OdometryAttitude": _TELEMETRY,
@@ -86,6 +99,11 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "doRegister": "`await flight.add(mode)`",
         "update": "`goto`, `trajectory`, `attitude`, `rates`",
         # MAVSDK
+        "toFixedwing": "`to_fixed_wing`",
+        "toMulticopter": "`to_multicopter`",
+        "transition_to_fixedwing": "`to_fixed_wing`",
+        "transition_to_multicopter": "`to_multicopter`",
+        "set_actuator": "`set_actuators`",
         "action": _ACTIONS,
         "rtl": "`return_home` of the flight",
         "return_home": "`rtl` of the executor",

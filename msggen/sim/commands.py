@@ -15,6 +15,7 @@ from msggen.messages.commands import (
     LAND,
     REPOSITION,
     RETURN,
+    SET_ACTUATORS,
     SET_HOME,
     SET_MODE,
     SET_NAV_STATE,
@@ -214,6 +215,7 @@ _ACTIONS: Mapping[int, Callable[[Order], int]] = {
     LAND: lambda order: order.select(nav_states.LAND),
     RETURN: lambda order: order.select(nav_states.RETURN),
     REPOSITION: Order.reposition,
+    SET_ACTUATORS: lambda _: ACCEPTED,  # PX4 says so too if no output has the function
     SET_HOME: Order.set_home,
     SET_ORIGIN: Order.set_origin,
 }

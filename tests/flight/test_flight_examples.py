@@ -106,9 +106,12 @@ def test_every_example_is_here() -> None:
         "indoor",
         "inspection",
         "precision_landing",
+        "rover",
         "square",
         "survey",
+        "triangle",
         "two_vehicles",
+        "vtol",
     }
 
 
@@ -125,6 +128,34 @@ def test_square(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:
     heights = [-down for _, _, down in vehicle.flown]
     assert max(heights) - min(heights) < 1.5  # it still climbs a little when the takeoff has ended
     assert vehicle.modes[:5] == [HOLD, TAKEOFF, HOLD, EXTERNAL, LAND]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "said"),
+    [
+        ("triangle", "plane", ["over 300 0", "over 150 260", "over 0 0"]),
+        ("vtol", "vtol", ["on wings", "there", "hovering"]),
+        ("rover", "rover", ["20 m north", "15 m east"]),
+        pytest.param("rover", "differential", ["20 m north", "15 m east"], marks=pytest.mark.night),
+        pytest.param("vtol", "tailsitter", ["on wings", "there", "hovering"], marks=pytest.mark.night),
+    ],
+)
+def test_other_vehicles(
+    px4_types: Any, name: str, kind: str, said: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = example(name)
+    vehicle = Tracked(px4_types, Options(vehicle=kind))
+
+    async def main() -> None:
+        async with Flight(vehicle) as flight:
+            await found.main(flight)
+
+    flown(main(), vehicle)
+    assert capsys.readouterr().out.splitlines() == said
+    if name == "triangle":
+        assert max(vehicle.nearest(*corner) for corner in found.CORNERS) < 22.0
+    if name == "vtol":
+        assert vehicle.nearest(*found.PLACE[:2]) < 25.0
 
 
 def test_survey(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:

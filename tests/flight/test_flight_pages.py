@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 import msggen.flight
-from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, BlockingFlight, Executor, Flight, Mode
+from msggen.flight import BlockingFlight, Executor, Flight, Mode
 from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
 from msggen.messages.measurements import HEIGHT, POSITION, VELOCITY, YAW
+from msggen.messages.setpoints import SENT, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
@@ -23,10 +24,12 @@ from support.repository import ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-PAGES = ("flight_safety", "flight", "missions", "measurements")
+PAGES = ("flight_safety", "flight", "missions", "measurements", "flight_vehicles")
 TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in PAGES}
 PARAMETERS = {"measurements": {"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0}}
 """Those that the vehicle of a page has other values of."""
+VEHICLES = {"flight_vehicles": ("plane", "vtol", "rover", "multicopter")}
+"""The vehicles of the programs of a page, if they are not all multicopters."""
 
 
 @by_day("page", [*TEXTS], 3)
@@ -40,8 +43,11 @@ def test_the_programs_print_what_the_page_shows(
         assert types is px4_types or isinstance(where, NearVehicle)
         return Flight(vehicles[-1] if isinstance(where, str) else where, **options)
 
+    kinds = iter(VEHICLES.get(page, ()))
+
     def fly(main: Any) -> None:
-        vehicles.append(Flown(px4_types, Options(parameters=PARAMETERS.get(page, {}))))
+        kind = next(kinds, "multicopter")
+        vehicles.append(Flown(px4_types, Options(vehicle=kind, parameters=PARAMETERS.get(page, {}))))
         run(main, vehicles[-1])
 
     async def in_flight(program: Any) -> None:
@@ -58,7 +64,9 @@ def test_the_programs_print_what_the_page_shows(
     )
     names: dict[str, Any] = {}
     blocks = BLOCK.findall(TEXTS[page])
-    assert len(blocks) == {"flight": 10, "flight_safety": 1, "missions": 2, "measurements": 3}[page]
+    assert (
+        len(blocks) == {"flight": 10, "flight_safety": 1, "missions": 2, "measurements": 3, "flight_vehicles": 4}[page]
+    )
     for code, shown in blocks:
         names.pop("program", None)
         exec(code, names)  # noqa: S102 - the code of the page
@@ -87,10 +95,19 @@ def test_the_bits_on_the_page_are_those_of_the_list() -> None:
     assert bits == {"position": [POSITION.bit, HEIGHT.bit], "velocity": [VELOCITY.bit], "attitude": [YAW.bit]}
 
 
-def test_the_table_of_setpoints_is_that_of_the_code() -> None:
-    rows = re.findall(r"^\| `([A-Z]+)` \| `[^|]*` \| (\d+) Hz \|", TEXTS["flight"], re.MULTILINE)
-    kinds = (GOTO, TRAJECTORY, ATTITUDE, RATES)
-    assert rows == [(each.name.upper(), f"{each.rate:.0f}") for each in kinds]
+def test_the_tables_of_setpoints_are_those_of_the_code() -> None:
+    texts = TEXTS["flight"] + TEXTS["flight_vehicles"]
+    rows = dict(re.findall(r"^\| `([A-Z_]+)` \| `.*\| (\d+) Hz \|", texts, re.MULTILINE))
+    kinds = {name: getattr(msggen.flight, name) for name in msggen.flight.__all__ if name in rows}
+    assert {name: {f"{kind.rate:.0f}" for kind in each if isinstance(kind, Kind)} for name, each in grouped(kinds)} == {
+        name: {rate} for name, rate in rows.items()
+    }
+    assert {kind for _, each in grouped(kinds) for kind in each} == {*SENT}
+
+
+def grouped(kinds: dict[str, Any]) -> list[tuple[str, tuple[Kind, ...]]]:
+    """Return the kinds of setpoints behind each name."""
+    return [(name, (value,) if isinstance(value, Kind) else value) for name, value in kinds.items()]
 
 
 def test_the_names_of_msggen_on_the_page_exist() -> None:
@@ -121,6 +138,22 @@ def measured(px4_types: Any) -> list[Any]:
 def test_the_measured_times_are_those_of_the_page(measured: list[Any]) -> None:
     lines = MEASURE["table"](measured, MEASURE["RELEASES"])
     assert lines == table_of_the_page(), "stale: python docs/measure_flight_safety.py --write"
+
+
+@pytest.mark.night  # as above
+def test_the_measured_times_of_other_vehicles_are_those_of_the_page() -> None:
+    packages = [package_of(release) for release in MEASURE["OF_OTHERS"]]
+    lines = MEASURE["others"](packages, MEASURE["OF_OTHERS"])
+    assert MEASURE["updated_others"](TEXTS["flight_safety"], lines) == TEXTS["flight_safety"], (
+        "stale: python docs/measure_flight_safety.py --others --write"
+    )
+
+
+def test_the_page_has_a_row_for_each_case_of_other_vehicles() -> None:
+    (block,) = re.findall(r"safety\.py --others\n(.*?)^```", TEXTS["flight_safety"], re.MULTILINE | re.DOTALL)
+    head, *lines = block.splitlines()
+    assert head.split() == ["seconds", *MEASURE["OF_OTHERS"], "then"]
+    assert [line[:37].rstrip() for line in lines] == [text for text, *_ in MEASURE["OTHERS"]]
 
 
 def test_the_page_has_the_measured_times_in_both_tables() -> None:

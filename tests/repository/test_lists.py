@@ -15,11 +15,13 @@ from msggen.definitions.identity import PX4_WRITER
 from msggen.doctor.setpoint_rules import SETPOINT
 from msggen.doctor.setpoints import SETPOINTS as STEERED
 from msggen.link.link_types import LINK_TYPES
-from msggen.messages import commands, setpoints
+from msggen.messages import commands
 from msggen.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
 from msggen.messages.setpoints import BY_NUMBER, KINDS, SELECTORS, SENT
 from msggen.recordings.files.rosbag2.qos import QOS
+from msggen.sim.airframes import AIRFRAMES
 from msggen.sim.setpoints import Setpoints
+from msggen.sim.world import World
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.read import read
 from support.repository import ROOT
@@ -237,15 +239,17 @@ def test_the_doctor_and_the_simulator_know_every_setpoint() -> None:
     fix = next(rule.fix for rule in SETPOINT if rule.id == "SETPOINT_UNSELECTED")
     selected = [topic for kind in KINDS if kind.selectors for topic in kind.topics]
     assert not [name for name in (*SELECTORS, *selected) if name not in fix]
-    assert Setpoints().handlers.keys() >= {topic for kind in SENT for topic in kind.topics}
+    flown = {topic for each in AIRFRAMES.values() for topic in World(airframe=each).autopilot.handlers}
+    assert Setpoints().handlers.keys() | flown >= {topic for kind in SENT for topic in kind.topics}
 
 
 def test_flight_offers_every_kind_of_setpoint_that_its_modes_send() -> None:
-    names = {name for name, value in vars(setpoints).items() if value in SENT}
-    assert len(names) == len(SENT)
-    assert names <= {*flight.__all__}
-    page = (ROOT / "docs/flight.md").read_text(encoding="utf-8")
-    assert not [name for name in names if f"\n| `{name}` | `" not in page]
+    offered = {name: getattr(flight, name) for name in flight.__all__ if name.isupper()}
+    kinds = {name: value if isinstance(value, tuple) else () for name, value in offered.items() if value not in SENT}
+    assert {*SENT} <= {*offered.values(), *(kind for group in kinds.values() for kind in group)}
+    names = {name for name, value in offered.items() if value in SENT} | {name for name, each in kinds.items() if each}
+    pages = "".join((ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("flight", "flight_vehicles"))
+    assert not [name for name in names if f"\n| `{name}` | `" not in pages]
 
 
 # Depths of queues
