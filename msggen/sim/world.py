@@ -37,6 +37,8 @@ STEP = 4_000
 _MOST_STEPS = 2_500
 """The number of steps after which the rest of a long pause is skipped: 10 s."""
 _IDLE_THRUST = 0.2
+_NEAR_HOME = 1.0
+"""The distance in m by which home can be off while the vehicle is disarmed."""
 _RANGE_HEIGHT, _RANGE_SPEED = 5.0, 1.0
 _LOSS, _GAIN = 5_200_000, 1_270_000
 """The time in us after which the position is lost without GPS, and known again with it."""
@@ -155,13 +157,16 @@ class World:
         self._setpoint = target
 
     def _follow_home(self) -> None:
-        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
+        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN.
+
+        While it is disarmed, home follows it, as when a rover rolls on.
+        """
         rests = not self.commander.is_armed, self.landing.landed
-        if rests == self._rests:
-            return
-        before, self._rests = self._rests, rests
-        self.control_changes += before[1] != self._rests[1]
-        begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
+        begins = all(rests) and math.dist(self.flight.position, self.autopilot.home) > _NEAR_HOME
+        if rests != self._rests:
+            before, self._rests = self._rests, rests
+            self.control_changes += before[1] != self._rests[1]
+            begins |= any(was and not still for was, still in zip(before, self._rests, strict=True))
         if begins and self.has_global and not self._is_manual_home and not self.commander.keeps_home:
             self.set_home(self.place)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import pytest
@@ -107,6 +108,14 @@ def test_a_vehicle_moves_as_px4_did(name: str, phase: str, flown: Callable[[str]
     real = [each for each in made.path.places if begin <= each.time < end]
     found = {quantity: farthest(quantity, real, made.places) for quantity in near}
     assert {quantity: apart for quantity, apart in found.items() if apart[0] > near[quantity]} == {}
+
+
+def test_home_follows_a_rover_that_rolls_on_after_it_was_disarmed(flown: Callable[[str], FlownCapture]) -> None:
+    homes = [each.message.x for each in flown("rover-drive").samples if each.topic == "home_position"]
+    steps = [after - before for before, after in pairwise(homes[3:])]
+    assert homes[:3] == [0.0] * 3, "known, armed, started"
+    assert len(steps) == 7, "from 55.9 to 58.9 s"
+    assert steps == [pytest.approx(1.0, abs=0.05)] * 7, "the captured ones are 1.00 to 1.05 m"
 
 
 @pytest.fixture(scope="module")
