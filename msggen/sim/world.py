@@ -16,7 +16,7 @@ from msggen.sim.battery import Battery
 from msggen.sim.commander.commander import LOOP, Commander
 from msggen.sim.commander.requirements import Senses
 from msggen.sim.commander.rules import V1_18, Rules
-from msggen.sim.commander.states import BY_FAILURE, BY_INACTION, BY_LANDING
+from msggen.sim.commander.states import BY_FAILSAFE, BY_INACTION, BY_LANDING
 from msggen.sim.commands import carry_out
 from msggen.sim.disturbances import Disturbances
 from msggen.sim.external import External
@@ -243,7 +243,7 @@ class World:
         """Why the vehicle has disarmed by itself, "" if a command did it."""
         pause = self._parameters["COM_DISARM_PRFLT"]
         texts = {
-            BY_FAILURE: "the vehicle lies on its back",
+            BY_FAILSAFE: "the vehicle lies on its back",
             BY_LANDING: "landed",
             BY_INACTION: f"no takeoff within {pause:.0f} s",
         }
