@@ -193,7 +193,7 @@ class World:
             self._senses = found
         return self._senses
 
-    # VtolState
+    # State
 
     @property
     def vtol_state(self) -> VtolState | None:
