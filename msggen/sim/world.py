@@ -16,7 +16,7 @@ from msggen.sim.battery import Battery
 from msggen.sim.commander.commander import LOOP, Commander
 from msggen.sim.commander.requirements import Senses
 from msggen.sim.commander.rules import V1_18, Rules
-from msggen.sim.commander.states import BY_FAILURE, BY_INACTION, BY_LANDING
+from msggen.sim.commander.states import BY_FAILSAFE, BY_INACTION, BY_LANDING
 from msggen.sim.commands import carry_out
 from msggen.sim.disturbances import Disturbances
 from msggen.sim.external import External
@@ -37,6 +37,8 @@ STEP = 4_000
 _MOST_STEPS = 2_500
 """The number of steps after which the rest of a long pause is skipped: 10 s."""
 _IDLE_THRUST = 0.2
+_NEAR_HOME = 1.0
+"""The distance in m by which home can be off while the vehicle is disarmed."""
 _RANGE_HEIGHT, _RANGE_SPEED = 5.0, 1.0
 _LOSS, _GAIN = 5_200_000, 1_270_000
 """The time in us after which the position is lost without GPS, and known again with it."""
@@ -155,13 +157,16 @@ class World:
         self._setpoint = target
 
     def _follow_home(self) -> None:
-        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
+        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN.
+
+        While it is disarmed, home follows it, as when a rover rolls on.
+        """
         rests = not self.commander.is_armed, self.landing.landed
-        if rests == self._rests:
-            return
-        before, self._rests = self._rests, rests
-        self.control_changes += before[1] != self._rests[1]
-        begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
+        begins = all(rests) and math.dist(self.flight.position, self.autopilot.home) > _NEAR_HOME
+        if rests != self._rests:
+            before, self._rests = self._rests, rests
+            self.control_changes += before[1] != self._rests[1]
+            begins |= any(was and not still for was, still in zip(before, self._rests, strict=True))
         if begins and self.has_global and not self._is_manual_home and not self.commander.keeps_home:
             self.set_home(self.place)
 
@@ -238,7 +243,7 @@ class World:
         """Why the vehicle has disarmed by itself, "" if a command did it."""
         pause = self._parameters["COM_DISARM_PRFLT"]
         texts = {
-            BY_FAILURE: "the vehicle lies on its back",
+            BY_FAILSAFE: "the vehicle lies on its back",
             BY_LANDING: "landed",
             BY_INACTION: f"no takeoff within {pause:.0f} s",
         }

@@ -25,7 +25,7 @@ from msggen.messages.nav_states import VTOL_TAKEOFF as TO_FORWARD
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, VtolState
 from msggen.sim.attitude import quaternion_of
 from msggen.sim.commander.rules import V1_16, V1_18
-from msggen.sim.commander.states import BY_FAILURE
+from msggen.sim.commander.states import BY_FAILSAFE
 from msggen.sim.flight import GRAVITY, NAN, ZERO
 from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wings import MAX_LATERAL, Wings
@@ -405,7 +405,7 @@ def test_a_transition_on_the_ground_is_done_at_once_and_turns_the_vehicle_over()
     assert pilot.world.command(VTOL_TRANSITION, FORWARD) == ACCEPTED
     assert pilot.world.vtol_state is VtolState.FORWARD
     assert pilot.until(lambda: not pilot.world.is_armed) == pytest.approx(1.4, abs=0.2)
-    assert pilot.world.commander.disarming_reason == BY_FAILURE
+    assert pilot.world.commander.disarming_reason == BY_FAILSAFE
     assert abs(math.degrees(pilot.world.flight.roll)) > 170.0
 
 

@@ -50,14 +50,15 @@ ALL_SOURCES: Mapping[str, Source] = {
 class FlownCapture:
     """A captured flight, flown again."""
 
-    def __init__(self, package: Any, name: str) -> None:
+    def __init__(self, package: Any, name: str, changes: Mapping[str, float] = {}) -> None:
+        """`changes`: parameters that differ from the captured ones."""
         self.captured = Captured(package, name)
         self._name = name
         self.path = captured_paths.load(name)
         self.samples: list[Sample] = []
         """All that the vehicle published, and what it was told."""
         vehicle = vehicle_of(name)
-        parameters = {"COM_MODE_ARM_CHK": PARAMETERS["COM_MODE_ARM_CHK"], **OF_CAPTURES[vehicle]}
+        parameters = {"COM_MODE_ARM_CHK": PARAMETERS["COM_MODE_ARM_CHK"], **OF_CAPTURES[vehicle], **changes}
         options = Options(vehicle=vehicle, parameters=parameters, home=Home(altitude=_GROUND))
         self._vehicle = NearVehicle(package, options, log=self)
         self._messages = {each.uorb_topic: each.message for each in package.topics.ENDPOINTS}

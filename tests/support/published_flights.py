@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +21,7 @@ from support import flight_captures
 from support.captured_paths import CAPTURES
 from support.flight_captures import Captured
 from support.flown_captures import FlownCapture
-from support.published import ON_CHANGE, Timed, fields_of, shown_rate, write_table
+from support.published import ON_CHANGE, fields_of, shown_rate, write_table
 from support.repository import ROOT
 
 PATH = ROOT / "tests" / "sim" / "published_flights.json"
@@ -28,8 +29,6 @@ FLIGHTS: Mapping[str, str] = {"plane": "fw-flight", "vtol": "vtol-flight", "rove
 """The flight of each vehicle that is compared."""
 _THINNED = 6.0
 """The rate in Hz from which on a topic is not whole in the long captures."""
-
-
 _EDGE = 0.5
 """The time in s around takeoff and landing that is left out: two vehicles do not take off at the same moment."""
 _WIND = "sim knows the wind without error"
@@ -95,30 +94,25 @@ def parts_of(package: Any, name: str) -> list[Part]:
 class Counted(NamedTuple):
     """Samples by their topics in uORB, and the parts of a flight in which none of them is missing."""
 
-    samples: Sequence[Timed]
+    samples: Mapping[str, Sequence[tuple[float, Any]]]
     parts: Sequence[Part]
 
     def of(self, topic: str) -> list[Any]:
         """Return the messages of a topic in these parts."""
-        return [
-            message
-            for time, name, message in self.samples
-            if name == topic and any(part.begin <= time < part.end for part in self.parts)
-        ]
+        found = self.samples.get(topic, ())
+        return [message for time, message in found if any(part.begin <= time < part.end for part in self.parts)]
 
     def rate(self, topic: str) -> float:
         """Return the rate of a topic in Hz."""
         return round(len(self.of(topic)) / sum(part.end - part.begin for part in self.parts), 2)
 
 
-def facts(
-    names: Iterable[str], slow: Counted, fast: Counted | None, is_thinned: Callable[[str], bool]
-) -> dict[str, Flying]:
-    """Return how topics are published. `fast` has all samples, `slow` has those of slow topics."""
+def facts(names: Iterable[str], slow: Counted, fast: Counted | None, thinned: Collection[str]) -> dict[str, Flying]:
+    """Return how topics are published. `fast` has all samples, `slow` lacks some of those that are `thinned`."""
     return {
         topic: Flying(
-            (fast and fast.rate(topic)) if is_thinned(topic) else slow.rate(topic),
-            sum(name == topic for _, name, _ in slow.samples),
+            (fast and fast.rate(topic)) if topic in thinned else slow.rate(topic),
+            len(slow.samples.get(topic, ())),
             fields_of(slow.of(topic)),
         )
         for topic in sorted(names)
@@ -138,28 +132,28 @@ def captured(package: Any, folder: Path) -> dict[str, dict[str, Flying]]:
         fast = rest[0] if rest else None
         thinned = {topic for topic in topics_of(package) if fast and fast.rate(topic) >= _THINNED}
         thinned |= {topic for each in found.values() for topic, one in each.items() if (one.rate or 0.0) >= _THINNED}
-        found[vehicle] = facts(topics_of(package), slow, fast, thinned.__contains__)
+        found[vehicle] = facts(topics_of(package), slow, fast, thinned)
     return found
 
 
 def _counted(package: Any, folder: Path, name: str) -> Counted:
     by_name = {each.ros_name: each for each in topics_of(package).values()}
     rows = flight_captures.samples_of(folder / f"{name}.json.gz", by_name)
-    samples = [
-        (time, by_name[topic].uorb_topic, by_name[topic].message.decode(bytes.fromhex(data)))
-        for time, topic, data in rows
-    ]
+    samples: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    for time, topic, data in rows:
+        samples[by_name[topic].uorb_topic].append((time, by_name[topic].message.decode(bytes.fromhex(data))))
     return Counted(samples, parts_of(package, name))
 
 
 def simulated(package: Any, vehicle: str, flown: FlownCapture) -> dict[str, Flying]:
     """Return the facts of a simulated vehicle that has flown the capture of a real one, from the same parts of it."""
     name, real = FLIGHTS[vehicle], load()[vehicle]
-    samples = [(each.time / 1e6, each.topic, each.message) for each in flown.samples]
+    samples: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    for each in flown.samples:
+        samples[each.topic].append((each.time / 1e6, each.message))
     slow, *fast = (Counted(samples, parts_of(package, each)) for each in CAPTURES[name])
-    return facts(
-        topics_of(package), slow, fast[0] if fast else slow, lambda topic: (real[topic].rate or _THINNED) >= _THINNED
-    )
+    thinned = {topic for topic, each in real.items() if each.rate is None or each.rate >= _THINNED}
+    return facts(topics_of(package), slow, fast[0] if fast else slow, thinned)
 
 
 def load() -> dict[str, dict[str, Flying]]:

@@ -210,7 +210,7 @@ class Commander:
     def _rest(self) -> None:
         """Disarm a vehicle that has fallen over, or rested on the ground for long enough, after a flight or before."""
         if self.is_armed and self._sensed.has_fallen:
-            self._disarm(states.BY_FAILURE)
+            self._disarm(states.BY_FAILSAFE)
         if not self.is_armed:
             self._resting = None
         elif not self.takeoff_time:
