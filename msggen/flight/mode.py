@@ -65,6 +65,9 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
         """
         raise NotImplementedError
 
+    def meet(self, status: Any) -> None:
+        """Set `setpoints` by a VehicleStatus before registration, in a mode for several kinds of vehicles."""
+
     # Where the vehicle is
 
     @property

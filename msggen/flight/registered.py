@@ -108,6 +108,7 @@ class Parts:
         if isinstance(mode, Check):
             check_check(mode)
         else:
+            mode.meet(self._feeds["vehicle_status"].latest)
             check_mode(mode, is_owned=executor is not None)
             check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
             for topic in (topic for kind in mode.setpoints for topic in kind.topics):

@@ -33,6 +33,7 @@ from msggen.flight.places import GlobalPlace
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.space import Vector
 from msggen.messages import commands, earth
+from msggen.sim import Options as SimOptions
 from msggen.sim.loop import run
 from msggen.sim.places import Home
 from support.flown import EXTERNAL, Flown, fly
@@ -794,6 +795,39 @@ def test_a_vehicle_is_turned_when_the_waypoint_is_elsewhere(
     """A waypoint 10 m north: near it, or 3 degrees off the heading. Above or below it, there is no heading."""
     estimate = SimpleNamespace(**dict(zip("xyz", place, strict=True)))
     assert _is_due(Vector(10.0, 0.0, 0.0), 2.0, heading, estimate) is is_due
+
+
+@pytest.mark.parametrize("kind", ["plane", "vtol", "rover"])
+def test_a_mission_takes_each_vehicle_to_its_waypoints(px4_types: Any, kind: str) -> None:
+    """A plane flies over them, and a VTOL after its transition; a rover stops there, and no altitude counts."""
+    nearest = [math.inf] * 2
+    goals = [at(150.0, up=30.0), at(150.0, 150.0, up=40.0)] if kind != "rover" else [at(10.0, up=50.0), at(10.0, 10.0)]
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        async def forward(handler: Handler, _: Arguments) -> None:
+            await handler.vehicle.hold()  # PX4 refuses a transition in Takeoff
+            await handler.vehicle.to_fixed_wing()
+
+        def near(_: Any) -> None:
+            index = (mission.index or 0) - len(front)
+            if 0 <= index < len(goals):
+                north, east = vehicle.world.flight.position[:2]
+                there = earth.local(START[:2], goals[index].place.latitude, goals[index].place.longitude)
+                nearest[index] = min(nearest[index], math.dist((north, east), there))
+
+        takeoff, change = ActionItem("takeoff"), ActionItem("forward")
+        front = {"rover": [], "plane": [takeoff], "vtol": [takeoff, change]}[kind]
+        speed = Settings(horizontal_velocity=2.0 if kind == "rover" else 12.0)
+        plan = Plan((*front, *goals, ActionItem("hold")), speed)
+        mission = Mission(plan, actions={"forward": forward})
+        flight.feeds["vehicle_local_position"].call(near)
+        await flight.add(mission)
+        await flight.arm()
+        await flight.fly(mission)
+        assert mission.index is None
+
+    fly(px4_types, program, SimOptions(vehicle=kind))
+    assert max(nearest) < (3.0 if kind == "rover" else 60.0)
 
 
 def test_a_mission_holds_for_a_time(types: Any) -> None:

@@ -16,7 +16,9 @@ from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace, local_place
 from msggen.flight.requirements import GLOBAL_POSITION
 from msggen.flight.space import Vector, wrapped
+from msggen.flight.states import is_on_wings, is_rover, types_of
 from msggen.messages import earth
+from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY
 
 _PASSED, _REACHED = 2.0, 1.0
 """The distances in m within which a waypoint is reached, if the vehicle goes on or stops there."""
@@ -24,6 +26,10 @@ _NO_COURSE = 0.1
 """The horizontal distance in m to a waypoint below which the direction to it says nothing."""
 _TURNED = math.radians(3)
 """The change of the direction to a waypoint after which the vehicle is turned."""
+
+
+_KINDS = (GOTO, TRAJECTORY, FIXED_WING, ROVER_POSITION)
+"""By which vehicles go to places. Trajectory is for transitions of a VTOL."""
 
 
 class Segment(NamedTuple):
@@ -44,6 +50,12 @@ class MissionMode(Mode):
     segment: Segment
     unready: Callable[[], Sequence[str]]
     """Returns why the mission cannot be flown, as texts."""
+
+    def meet(self, status: Any) -> None:
+        """Declare the setpoints by which the vehicle goes to places."""
+        if status is not None:
+            types = types_of(status)
+            vars(self)["setpoints"] = tuple(kind for kind in _KINDS if not types.isdisjoint(kind.followed_by))
 
     @property
     def feeds(self) -> Feeds:
@@ -66,8 +78,9 @@ class MissionMode(Mode):
             return found
         for index, latitude, longitude, altitude in places:
             north, east = earth.local((here.ref_lat, here.ref_lon), latitude, longitude)
+            down = math.nan if is_rover(self._status) else here.ref_alt - altitude
             try:
-                self._own.check_goto(Vector(north, east, here.ref_alt - altitude))
+                self._own.check_goto(Vector(north, east, down))
             except LimitError as error:
                 found.append(f"item {index} is {error}")
             except NoAnswerError:  # there is no home position yet
@@ -83,25 +96,31 @@ class MissionMode(Mode):
             reached(number)
 
     async def _fly_to(self, place: GlobalPlace, settings: Settings, within: float) -> None:
-        """Fly to a place, and return when it is near. A vehicle that can turn on the spot faces the place."""
-        goal = await local_place(self.feeds, place, "ned")
-        limits: dict[str, Any] = {"max_speed": settings.horizontal_velocity, "max_climb": settings.vertical_velocity}
-        if not self._is_rotary:  # it faces where it flies, and arrives by a radius of its own
-            await self.goto(place, **limits)
+        """Go to a place, and return when it is near. A vehicle that can turn on the spot faces the place."""
+        if is_on_wings(self._status):  # it arrives by a radius of its own
+            await self.goto(place, airspeed=settings.horizontal_velocity)
             return
-        if settings.max_heading_rate is not None:
-            limits["max_turn_rate"] = math.radians(settings.max_heading_rate)
+        goal = await local_place(self.feeds, place, "ned")
+        limits: dict[str, Any] = {"max_speed": settings.horizontal_velocity}
+        is_level = is_rover(self._status)
+        if not is_level:
+            rate = settings.max_heading_rate
+            limits |= {
+                "max_climb": settings.vertical_velocity,
+                "max_turn_rate": None if rate is None else math.radians(rate),
+            }
         while True:
-            heading = course(await self.position(), goal)
-            arriving = self.feeds["vehicle_local_position"].following(partial(_is_due, goal, within, heading))
+            heading = None if is_level else course(await self.position(), goal)
+            arriving = self.feeds["vehicle_local_position"].following(
+                partial(_is_due, goal, within, heading, is_level=is_level)
+            )
             await first(self.goto(place, heading=heading, within=within, **limits), arriving)
-            if (await self.position()).distance(goal) < within:
+            if _apart(await self.position(), goal, is_level=is_level) < within:
                 return
 
     @property
-    def _is_rotary(self) -> bool:
-        status = self.feeds["vehicle_status"].latest
-        return status is None or bool(status.vehicle_type == status.VEHICLE_TYPE_ROTARY_WING)
+    def _status(self) -> Any:
+        return self.feeds["vehicle_status"].latest
 
 
 def course(here: Vector, goal: Vector) -> float | None:
@@ -110,13 +129,20 @@ def course(here: Vector, goal: Vector) -> float | None:
     return math.atan2(east, north) if math.hypot(north, east) > _NO_COURSE else None
 
 
-def _is_due(goal: Vector, within: float, heading: float | None, estimate: Any) -> bool:
-    """Whether a VehicleLocalPosition is near a place, or shows it in another direction than `heading`."""
+def _is_due(goal: Vector, within: float, heading: float | None, estimate: Any, *, is_level: bool = False) -> bool:
+    """Whether a VehicleLocalPosition is near a place, or shows it in another direction than `heading`.
+
+    With `is_level`, neither the height nor the direction counts.
+    """
     here = Vector(estimate.x, estimate.y, estimate.z)
-    now = course(here, goal)
-    if now is None or heading is None:
-        return here.distance(goal) < within or now != heading
-    return here.distance(goal) < within or abs(wrapped(now - heading)) > _TURNED
+    now = None if is_level else course(here, goal)
+    if _apart(here, goal, is_level=is_level) < within:
+        return True
+    return now != heading if now is None or heading is None else abs(wrapped(now - heading)) > _TURNED
+
+
+def _apart(one: Vector, other: Vector, *, is_level: bool) -> float:
+    return math.dist(one[:2], other[:2]) if is_level else one.distance(other)
 
 
 async def first(*coroutines: Any) -> None:
