@@ -1,7 +1,7 @@
 """What a simulated vehicle does when its program, or the link to it, is gone: `python docs/measure_flight_safety.py`.
 
-It prints the table of docs/flight_safety.md, with `--others` that of planes, VTOLs and rovers. With `--write`, it puts
-the table on that page. A flight takes about 0.1 s: it is on the clock of the vehicle.
+It prints the table of docs/flight_safety.md, with `--others` that of other vehicles, and with `--write` puts it on
+that page. A flight takes about 0.1 s: it is on the clock of the vehicle.
 """
 
 from __future__ import annotations

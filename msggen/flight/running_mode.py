@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
 from logging import getLogger
 from typing import Any
@@ -20,22 +19,17 @@ from msggen.flight.mode import Mode, needs_of
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
 from msggen.flight.requirements import Requirement
-from msggen.flight.rovers import stopping
-from msggen.flight.setpoints import Configuration, Messages, Stream, Values
+from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover
-from msggen.flight.telemetry import checked_estimate, is_landed, valid_estimate
-from msggen.flight.trajectory import FREE
-from msggen.flight.transitions import Transition
+from msggen.flight.steering import Steering
+from msggen.flight.telemetry import checked_estimate, is_landed
 from msggen.flight.vtol import change, check_vtol
-from msggen.flight.wings import Way, circle_centre
 from msggen.messages.commands import OF_MODE
-from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
+from msggen.messages.setpoints import FIXED_WING, TRAJECTORY, Kind
 
 LOGGER = getLogger("msggen.flight")
 _SUCCESS, _FAILURE = 0, 100
-_BRAKING = 3.0
-"""The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
 _REPEAT = 0.1
 """The period in s at which the end of a mode is reported, until PX4 has left it."""
 
@@ -70,8 +64,7 @@ class ActiveMode(Active):
         self._topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
         self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
-        self._way: Way | None = None
-        """What guides an aircraft on wings, if the mode does."""
+        self._steering = Steering(self._stream, self._topics, feeds, self._fence, mode.setpoints)
         self._is_changing = False
         """Whether the mode itself lets a VTOL change between hovering and forward flight."""
         self._task: asyncio.Task[None] | None = None
@@ -110,12 +103,12 @@ class ActiveMode(Active):
         or the vehicle does not follow, and FlightError during a transition.
         """
         self._check_sent(kind)
-        self._set(kind, values)
+        self._steering.set(kind, values)
 
     def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
         """Send a setpoint from now on whose values a function returns each time. Raises as `send_each`."""
         self._check_sent(kind)
-        self._guide(kind, make)
+        self._steering.guide(kind, make)
 
     def class_of(self, topic: str) -> Any:
         """Return the class of a message to the vehicle. Raises UnsupportedError."""
@@ -134,7 +127,7 @@ class ActiveMode(Active):
                     f"`await flight.to_{'fixed_wing' if is_forward else 'multicopter'}()`"
                 ) from None
             check_declared(self.mode.name, self.mode.setpoints, kind)
-        self._cross(checked_estimate(self.feeds), is_forward=is_forward)
+        self._steering.cross(checked_estimate(self.feeds), is_forward=is_forward)
         self._is_changing = True
         try:
             sender = self.actions._commands  # noqa: SLF001 - of the same library
@@ -142,7 +135,7 @@ class ActiveMode(Active):
         finally:
             self._is_changing = False
             if self._is_flying:
-                self._hold()
+                self._steering.hold()
 
     def hold(self) -> bool:
         """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
@@ -150,7 +143,7 @@ class ActiveMode(Active):
         Return False if this place is not known, or if the mode has no setpoints for it.
         """
         self._check_flying()
-        return self._hold()
+        return self._steering.hold()
 
     def _check_flying(self) -> None:
         if not self._is_flying:
@@ -172,66 +165,6 @@ class ActiveMode(Active):
     def _is(self, condition: Callable[[Any], bool]) -> bool:
         status = self.feeds["vehicle_status"].latest
         return status is not None and condition(status)
-
-    def _set(self, kind: Kind, values: Values) -> None:
-        self._fence.check(kind, values)
-        messages = self._filled(values)
-        self._way = None
-        self._stream.set(kind, lambda: messages)
-
-    def _guide(self, kind: Kind, make: Callable[[], Values]) -> None:
-        self._fence.check(kind, make())
-        self._way = make if isinstance(make, Way) else None
-        self._stream.set(kind, lambda: self._filled(make()))
-
-    def _filled(self, values: Values) -> Messages:
-        return {topic: filled(self._topics.incoming(topic), **each) for topic, each in values.items()}
-
-    def _hold(self) -> bool:
-        estimate = valid_estimate(self.feeds)
-        if estimate is None:
-            return False
-        kinds = self.mode.setpoints
-        if self._is(is_in_transition):
-            return self._hold_direction(estimate)
-        if self._is(is_on_wings):
-            return FIXED_WING in kinds and self._circle(estimate)
-        if self._is(is_rover):
-            found = stopping(kinds, estimate)
-            if found is not None:
-                self._set(*found)
-            return found is not None
-        place = self._fence.nearest(_stopped(estimate))
-        if GOTO in kinds:
-            self._set(GOTO, {GOTO.topic: {"position": place}})
-        elif TRAJECTORY in kinds:
-            rest = {"velocity": FREE, "acceleration": FREE, "jerk": FREE, "yawspeed": math.nan}
-            self._set(TRAJECTORY, {TRAJECTORY.topic: {"position": place, "yaw": estimate.heading, **rest}})
-        else:
-            return False
-        return True
-
-    def _circle(self, estimate: Any) -> bool:
-        """Fly around the place that was reached, or on a circle that begins here. On the ground, stand."""
-        if is_landed(self.feeds):
-            self._stream.pause()
-        elif self._way is None or not self._way.is_there:
-            centre = self._fence.nearest(circle_centre(estimate))
-            self._guide(FIXED_WING, Way.around(self.feeds, centre))
-        return True
-
-    def _hold_direction(self, estimate: Any) -> bool:
-        """Keep height and direction until a transition is over."""
-        if not {TRAJECTORY, FIXED_WING} <= {*self.mode.setpoints}:
-            return False
-        self._cross(estimate, is_forward=self._is(lambda each: each.in_transition_to_fw))
-        return True
-
-    def _cross(self, estimate: Any, *, is_forward: bool) -> None:
-        """Send the setpoints of a transition from now on."""
-        clock = asyncio.get_running_loop().time
-        transition = Transition(self.feeds, estimate, clock(), is_forward=is_forward)
-        self._guide(TRAJECTORY, lambda: transition.at(clock()))
 
     async def run(self, actions: Actions) -> None:
         """Select the mode, and wait for the end of `fly`.
@@ -417,7 +350,7 @@ class ActiveMode(Active):
         Never raises: the mode ends in any case. What prevents that the vehicle holds its place is reported.
         """
         try:
-            is_held = self._hold()
+            is_held = self._steering.hold()
         except Exception as error:  # noqa: BLE001 - such as limits without a home position
             report(f"mode {self.mode.name!r} cannot hold its place", error)
             is_held = False
@@ -428,11 +361,3 @@ class ActiveMode(Active):
     def _tell(self, result: int) -> None:
         cls = self._topics.incoming("mode_completed")
         self._connection.publish("mode_completed", filled(cls, result=result, nav_state=self.ids.mode))
-
-
-def _stopped(estimate: Any) -> tuple[float, float, float]:
-    """Return where the vehicle comes to rest if it brakes now, so that it does not fly back."""
-    speeds = estimate.vx, estimate.vy, estimate.vz
-    seconds = math.hypot(*speeds) / _BRAKING / 2.0
-    x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))
-    return x, y, z

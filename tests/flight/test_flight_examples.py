@@ -257,9 +257,12 @@ def test_two_vehicles(px4_types: Any, disturbances: tuple[str, ...]) -> None:
     assert all(1.5 < one[2] - other[2] < 4.5 for one, other in both)
 
 
-def test_the_examples_are_listed_on_the_page() -> None:
-    page = (ROOT / "docs" / "flight.md").read_text(encoding="utf-8")
-    assert [path.name for path in FOLDER.glob("*.py") if f"../examples/flight/{path.name}" not in page] == []
+def test_the_examples_are_listed_on_the_pages() -> None:
+    listed = "".join(
+        (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").partition("## Examples")[2]
+        for name in ("flight", "flight_vehicles")
+    )
+    assert [path.name for path in FOLDER.glob("*.py") if f"../examples/flight/{path.name}" not in listed] == []
 
 
 def test_no_example_is_long() -> None:

@@ -1,0 +1,104 @@
+"""What a mode sends: the setpoints of its program, and those with which each vehicle holds its place."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from msggen.flight.connection import Topics, filled
+from msggen.flight.feeds import Feeds
+from msggen.flight.limits import Fence
+from msggen.flight.rovers import stopping
+from msggen.flight.setpoints import Messages, Stream, Values
+from msggen.flight.states import is_in_transition, is_on_wings, is_rover
+from msggen.flight.telemetry import is_landed, valid_estimate
+from msggen.flight.trajectory import FREE
+from msggen.flight.transitions import Transition
+from msggen.flight.wings import Way, circle_centre
+from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
+
+_BRAKING = 3.0
+"""The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
+
+
+class Steering:
+    """Sends setpoints of the kinds that a mode declares, within its limits."""
+
+    def __init__(self, stream: Stream, topics: Topics, feeds: Feeds, fence: Fence, kinds: Sequence[Kind]) -> None:
+        self._stream, self._topics, self._feeds, self._fence, self._kinds = stream, topics, feeds, fence, kinds
+        self._way: Way | None = None
+        """What guides an aircraft on wings, if the mode does."""
+
+    def set(self, kind: Kind, values: Values) -> None:
+        """Send a setpoint from now on. Raises LimitError."""
+        self._fence.check(kind, values)
+        messages = self._filled(values)
+        self._way = None
+        self._stream.set(kind, lambda: messages)
+
+    def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
+        """Send a setpoint from now on whose values a function returns each time. Raises LimitError."""
+        self._fence.check(kind, make())
+        self._way = make if isinstance(make, Way) else None
+        self._stream.set(kind, lambda: self._filled(make()))
+
+    def cross(self, estimate: Any, *, is_forward: bool) -> None:
+        """Send the setpoints of a transition of a VTOL from now on."""
+        clock = asyncio.get_running_loop().time
+        transition = Transition(self._feeds, estimate, clock(), is_forward=is_forward)
+        self.guide(TRAJECTORY, lambda: transition.at(clock()))
+
+    def hold(self) -> bool:
+        """Hold the place where the vehicle comes to rest, circle around it, or complete a transition.
+
+        Return False if the place is not known, or if the mode declares no setpoints for that.
+        """
+        estimate, status = valid_estimate(self._feeds), self._feeds["vehicle_status"].latest
+        if estimate is None or status is None:
+            return False
+        if is_in_transition(status):
+            if {TRAJECTORY, FIXED_WING} <= {*self._kinds}:
+                self.cross(estimate, is_forward=status.in_transition_to_fw)
+                return True
+            return False
+        if is_on_wings(status):
+            return FIXED_WING in self._kinds and self._circle(estimate)
+        if is_rover(status):
+            found = stopping(self._kinds, estimate)
+            if found is not None:
+                self.set(*found)
+            return found is not None
+        return self._hover(estimate)
+
+    def _hover(self, estimate: Any) -> bool:
+        place = self._fence.nearest(_stopped(estimate))
+        if GOTO in self._kinds:
+            self.set(GOTO, {GOTO.topic: {"position": place}})
+        elif TRAJECTORY in self._kinds:
+            rest = {"velocity": FREE, "acceleration": FREE, "jerk": FREE, "yawspeed": math.nan}
+            self.set(TRAJECTORY, {TRAJECTORY.topic: {"position": place, "yaw": estimate.heading, **rest}})
+        else:
+            return False
+        return True
+
+    def _circle(self, estimate: Any) -> bool:
+        """Fly around the place that was reached, or on a circle that begins here. On the ground, stand."""
+        if is_landed(self._feeds):
+            self._stream.pause()
+        elif self._way is None or not self._way.is_there:
+            centre = self._fence.nearest(circle_centre(estimate))
+            self.guide(FIXED_WING, Way.around(self._feeds, centre))
+        return True
+
+    def _filled(self, values: Values) -> Messages:
+        return {topic: filled(self._topics.incoming(topic), **each) for topic, each in values.items()}
+
+
+def _stopped(estimate: Any) -> tuple[float, float, float]:
+    """Return where the vehicle comes to rest if it brakes now, so that it does not fly back."""
+    speeds = estimate.vx, estimate.vy, estimate.vz
+    seconds = math.hypot(*speeds) / _BRAKING / 2.0
+    x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))
+    return x, y, z
