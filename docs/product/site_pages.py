@@ -28,6 +28,7 @@ GROUPS = {
         *("docs/vehicle", "docs/topic", "docs/doctor", "docs/errors_of_others"),
         *(
             "docs/flight",
+            "docs/flight_modes",
             "docs/flight_vehicles",
             "docs/missions",
             "docs/measurements",

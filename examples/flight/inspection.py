@@ -38,7 +38,7 @@ class Inspection(Mode, name="Inspection"):
             angle = math.tau * view / VIEWS - math.pi / 2
             east, north = MAST[0] + RADIUS * math.cos(angle), MAST[1] + RADIUS * math.sin(angle)
             await self.goto((east, north, HEIGHT), heading=angle + math.pi, max_speed=3.0)
-            print(f"view {view}: {east:.1f} m east, {north:.1f} m north", flush=True)
+            print(f"view {view}: {round(east, 1) + 0.0} m east, {round(north, 1) + 0.0} m north", flush=True)
 
 
 class Inspector(Executor):

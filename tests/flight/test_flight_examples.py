@@ -196,7 +196,8 @@ def test_inspection(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> Non
             await inspection.main(flight)
 
     flown(main(), vehicle)
-    assert len(capsys.readouterr().out.splitlines()) == inspection.VIEWS + 1
+    page = (ROOT / "docs" / "flight_modes.md").read_text(encoding="utf-8")
+    assert page.split("```")[1].endswith(f"inspection.py\n{capsys.readouterr().out}")
     east, north = inspection.MAST
     around = [math.hypot(each[0] - north, each[1] - east) for each in vehicle.flown if each[0] > north]
     assert min(around) > inspection.RADIUS - 1.5

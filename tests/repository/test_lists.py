@@ -248,7 +248,9 @@ def test_flight_offers_every_kind_of_setpoint_that_its_modes_send() -> None:
     kinds = {name: value if isinstance(value, tuple) else () for name, value in offered.items() if value not in SENT}
     assert {*SENT} <= {*offered.values(), *(kind for group in kinds.values() for kind in group)}
     names = {name for name, value in offered.items() if value in SENT} | {name for name, each in kinds.items() if each}
-    pages = "".join((ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("flight", "flight_vehicles"))
+    pages = "".join(
+        (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("flight_modes", "flight_vehicles")
+    )
     assert not [name for name in names if f"\n| `{name}` | `" not in pages]
 
 
