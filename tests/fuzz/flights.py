@@ -17,10 +17,11 @@ from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 from fuzz.payloads import targets
-from msggen.flight import ATTITUDE, Check, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
+from msggen.flight import ATTITUDE, FIXED_WING, ROVER, Check, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
 from msggen.flight.executor import Start
 from msggen.flight.missions import Action, ActionItem, Arguments, Handler, Mission, Plan, Waypoint
 from msggen.messages.nav_states import EXTERNAL, OFFBOARD
+from msggen.messages.setpoints import Kind
 from msggen.sim import Options
 from msggen.sim.loop import SimulatedLoop, run
 from msggen.sim.near import NearVehicle
@@ -44,6 +45,7 @@ class Case(NamedTuple):
     acts: tuple[tuple[str, float], ...]
     events: tuple[tuple[float, str, float], ...]
     seed: int
+    vehicle: str = "multicopter"
 
 
 class PlannedError(Exception):
@@ -53,8 +55,8 @@ class PlannedError(Exception):
 class Watched(NearVehicle):
     """A vehicle that keeps when which mode was active, and what was sent."""
 
-    def __init__(self, package: Any, seed: int) -> None:
-        super().__init__(package, Options(seed=seed))
+    def __init__(self, package: Any, seed: int, vehicle: str = "multicopter") -> None:
+        super().__init__(package, Options(seed=seed, vehicle=vehicle))
         self._chance = Random(seed)  # noqa: S311 - no secret
         self.loss = 0.0
         self.sent: list[tuple[float, str, Any]] = []
@@ -72,7 +74,7 @@ class Watched(NearVehicle):
     def publish(self, topic: str, message: Any) -> None:
         now = self.time / 1e6
         self.sent.append((now, topic, message))
-        if topic.endswith("_setpoint"):
+        if topic.endswith("_setpoint") or topic.startswith("actuator_"):
             assert now - self.last_in_mode < LATE, f"{topic} {now - self.last_in_mode:.2f} s after the mode was left"
             assert all(math.isfinite(each) for each in getattr(message, "q_d", ())), message
         super().publish(topic, message)
@@ -85,13 +87,62 @@ def _problems(chance: Random) -> Any:
     return [Problem("wanders_no")] if found > 0.999 else ()
 
 
+async def _nothing(_mode: Mode, _: Random) -> None:
+    pass
+
+
+async def _goto_near(mode: Mode, chance: Random) -> None:
+    place = chance.uniform(-9, 9), chance.uniform(-9, 9), -chance.uniform(2, 12)
+    await mode.goto(place, max_speed=chance.choice((None, 3.0)))
+
+
+async def _goto_far(mode: Mode, chance: Random) -> None:
+    await mode.goto((chance.uniform(-300, 300), chance.uniform(-300, 300), -chance.uniform(30, 80)))
+
+
+async def _push(mode: Mode, chance: Random) -> None:
+    mode.trajectory(velocity=(chance.uniform(-3, 3), chance.uniform(-3, 3), 0.0))
+
+
+async def _lean(mode: Mode, _: Random) -> None:
+    mode.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.5)
+
+
+async def _hold(mode: Mode, chance: Random) -> None:
+    await mode.hold(chance.uniform(0, 2))
+
+
+async def _turn(mode: Mode, chance: Random) -> None:
+    mode.fixed_wing(course=chance.uniform(-3, 3), height_rate=chance.uniform(-2, 2))
+
+
+async def _change(mode: Mode, chance: Random) -> None:
+    await chance.choice((mode.to_fixed_wing, mode.to_multicopter))()
+
+
+async def _drive(mode: Mode, chance: Random) -> None:
+    turns: tuple[dict[str, float], ...] = ({"heading": chance.uniform(-3, 3)}, {"turn_rate": 0.5}, {"steering": -0.5})
+    speeds: tuple[dict[str, float], ...] = ({"speed": chance.uniform(-2, 3)}, {"throttle": chance.uniform(-1, 1)})
+    mode.rover(**chance.choice(speeds), **chance.choice(turns))
+
+
+_HOVERING = ((*Mode.setpoints, ATTITUDE), (_goto_near, _push, _lean, _hold))
+_FORWARD = ((FIXED_WING, ATTITUDE), (_goto_far, _turn, _lean, _hold))
+WAYS: dict[str, tuple[tuple[Kind, ...], tuple[Callable[[Mode, Random], Coroutine[Any, Any, None]], ...]]] = {
+    "multicopter": _HOVERING,
+    "plane": _FORWARD,
+    "vtol": ((*_HOVERING[0], FIXED_WING), (*_HOVERING[1], *_FORWARD[1], _change, _change)),
+    "rover": (ROVER, (_goto_near, _drive, _drive, _hold)),
+}
+"""The setpoints of the modes of each kind of vehicle, and what they do."""
+
+
 class Wanders(Mode, name="Wanders"):
     """Flies somewhere by several kinds of setpoints, and ends in several ways."""
 
-    setpoints = (*Mode.setpoints, ATTITUDE)
-
-    def __init__(self, chance: Random) -> None:
+    def __init__(self, chance: Random, vehicle: str) -> None:
         self.chance = chance
+        self.setpoints, self.ways = WAYS[vehicle]  # type: ignore[misc]
 
     def problems(self) -> Any:
         return _problems(self.chance)
@@ -99,16 +150,7 @@ class Wanders(Mode, name="Wanders"):
     async def fly(self) -> None:
         chance = self.chance
         for _ in range(chance.randrange(4)):
-            way = chance.randrange(5)
-            x, y = chance.uniform(-9, 9), chance.uniform(-9, 9)
-            if way == 0:
-                await self.goto((x, y, -chance.uniform(2, 12)), max_speed=chance.choice((None, 3.0)))
-            elif way == 1:
-                self.trajectory(velocity=(x / 3, y / 3, 0.0))
-            elif way == 2:
-                self.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.5)
-            elif way == 3:
-                await self.hold(chance.uniform(0, 2))
+            await chance.choice((*self.ways, _nothing))(self, chance)
             await asyncio.sleep(chance.uniform(0, 2))
         end = chance.randrange(4)
         if end == 0:
@@ -273,12 +315,13 @@ def case(chance: Random) -> Case:
     acts = [(chance.choice([*PROGRAM]), chance.random()) for _ in range(chance.randrange(2, ACTS))]
     front = [("arm", 0.0), ("take off", 0.0)] if chance.random() < 0.7 else []
     events = [(chance.uniform(1, 60), chance.choice([*WORLD]), chance.random()) for _ in range(chance.randrange(6))]
-    return Case((*front, *acts), tuple(sorted(events)), chance.randrange(1 << 32))
+    vehicle = chance.choice((*WAYS, "multicopter"))
+    return Case((*front, *acts), tuple(sorted(events)), chance.randrange(1 << 32), vehicle)
 
 
 def check(case: Case) -> None:
     targets()  # makes the package known
-    vehicle = Watched(importlib.import_module("px4_types"), case.seed)
+    vehicle = Watched(importlib.import_module("px4_types"), case.seed, case.vehicle)
     told = SimpleNamespace(arms=0, errors=[])
     run(_fly(vehicle, case, told), vehicle)
     assert told.errors == []
@@ -298,7 +341,8 @@ async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
         loop.call_later(seconds, WORLD[name], vehicle, value)
     with suppress(FlightError):
         async with Flight(vehicle) as flight:
-            await flight.add(Wanders(chance), Circles(chance), Tours(chance), Doors(chance), _mission(chance))
+            modes = Wanders(chance, case.vehicle), Circles(chance, case.vehicle)
+            await flight.add(*modes, Tours(chance), Doors(chance), _mission(chance))
             for name, share in case.acts:
                 told.arms += name == "arm"
                 with suppress(FlightError, PlannedError, TimeoutError):
