@@ -4,8 +4,9 @@
     python benchmarks/simulated.py --quick    checks in a few seconds that it works
 
 `alone` is the flight that `msggen sim --log` writes. In `one process`, a program answers the arming checks of its mode
-and sends 30 setpoints a second of the vehicle's time, through the agent and without sockets. In `sockets`, the vehicle
-is another process, and the samples are decoded here: the share of those that arrive in a second of the vehicle's time.
+and sends 30 setpoints a second of the vehicle's time, through the agent and without sockets: to each kind of vehicle.
+In `sockets`, the vehicle is another process, and the samples are decoded here: the share of those that arrive in a
+second of the vehicle's time.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from environment import ROOT
 from link import Meter
@@ -35,10 +36,55 @@ SPEEDS = (1, 2, 5, 10, 20)
 HEAD = ["simulated", "times real time", "samples, of those at speed 1"]
 STEP = 1_000
 """The time in us between two exchanges of datagrams."""
-GOTO = 33_000
-FLYING = 15
-COMMANDS = {3: (22, math.nan), 4: (400, 1.0), FLYING: (100_001, 23.0)}
-"""The commands, with their first parameters, by the times in s: take off, arm, select the mode of the program."""
+SETPOINT = 33_000
+ACTIVATION = 15
+COMMANDS = {4: (400, 1.0), ACTIVATION: (100_001, 23.0)}
+"""The commands, with their first parameters, by the times in s: arm, select the mode of the program."""
+TAKEOFF = {3: (22, math.nan)}
+FREE = (math.nan,) * 3
+
+
+class Trip(NamedTuple):
+    """What a program tells a vehicle."""
+
+    commands: Mapping[int, tuple[int, float]]
+    kind: int
+    """The type of its SetpointConfig."""
+    setpoints: Mapping[str, Mapping[str, Any]]
+    """The fields of each message, by topics in uORB."""
+
+
+NORTH = {
+    "fixed_wing_lateral_setpoint": {"course": 0.0, "airspeed_direction": math.nan, "lateral_acceleration": math.nan},
+    "fixed_wing_longitudinal_setpoint": {
+        **dict.fromkeys(("altitude", "equivalent_airspeed", "pitch_direct", "throttle_direct"), math.nan),
+        "height_rate": 1.0,
+    },
+}
+LEVEL = {
+    "trajectory_setpoint": {
+        "position": FREE,
+        "velocity": (math.nan, math.nan, 0.0),
+        "acceleration": (0.0, 0.0, math.nan),
+    }
+}
+TRIPS: Mapping[str, Trip] = {
+    "multicopter": Trip(TAKEOFF | COMMANDS, 2, {"goto_setpoint": {"position": (20.0, 0.0, -10.0)}}),
+    "plane": Trip(TAKEOFF | COMMANDS, 3, NORTH),
+    "vtol": Trip(TAKEOFF | COMMANDS | {ACTIVATION + 1: (3000, 4.0)}, 4, {**LEVEL, **NORTH}),
+    "rover": Trip(
+        COMMANDS,
+        7,
+        {
+            "rover_position_setpoint": {
+                "position_ned": (20.0, 0.0),
+                "start_ned": (math.nan, math.nan),
+                **dict.fromkeys(("cruising_speed", "arrival_speed", "yaw"), math.nan),
+            }
+        },
+    ),
+}
+"""By kinds of vehicles."""
 ADDRESS = ("127.0.0.1", 40_000)
 
 
@@ -52,25 +98,27 @@ class Quiet:
         """Do nothing."""
 
 
-def alone(seconds: float) -> float:
+def alone(seconds: float, vehicle: str = "multicopter") -> float:
     """Return how many times faster than real time a vehicle flies by itself."""
-    flight = LoneFlight(importlib.import_module("px4_types"), Options(), 0)
+    flight = LoneFlight(importlib.import_module("px4_types"), Options(vehicle=vehicle), 0)
     start = time.process_time()
     flight.run(Quiet(), BOOT + round(seconds * 1e6))
     return (flight.time - BOOT) / 1e6 / (time.process_time() - start)
 
 
 class Program:
-    """Registers a mode, arms, takes off and flies to a place, as messages."""
+    """Registers a mode, arms, takes off and sends setpoints, as messages."""
 
-    def __init__(self, agent: Agent) -> None:
+    def __init__(self, agent: Agent, trip: Trip) -> None:
+        self._trip = trip
         self.types = importlib.import_module("px4_types")
         self._agent = agent
         self._decode: dict[str, Callable[[bytes], Any]] = {}
         self._ids: dict[str, int] = {}
-        self._goto_time = self._step = 0
+        self._setpoint_time = self._step = 0
         self._by_name = {each.ros_name: each for each in self.types.topics.ENDPOINTS}
-        self.height = 0.0
+        self.north = self.height = 0.0
+        """Where the vehicle is, in m."""
 
     def send(self, topic: str, message: Any) -> None:
         """Publish a message on a topic of uORB."""
@@ -89,7 +137,7 @@ class Program:
                 reply = self.types.ArmingCheckReply(request_id=message.request_id, can_arm_and_run=True)
                 self.send("arming_check_reply", reply)
             elif type(message) is self.types.VehicleLocalPosition:
-                self.height = -message.z
+                self.north, self.height = message.x, -message.z
 
     def act(self, now: int) -> None:
         """Do what is due at a time in us."""
@@ -97,11 +145,15 @@ class Program:
             self._step += 1
             if self._step == 1:
                 self._register()
-            elif self._step in COMMANDS:
-                self._command(*COMMANDS[self._step])
-        if now >= self._goto_time + GOTO and self._step >= FLYING:
-            self._goto_time = now
-            self.send("goto_setpoint", self.types.GotoSetpoint(position=(20.0, 0.0, -10.0)))
+            elif self._step in self._trip.commands:
+                self._command(*self._trip.commands[self._step])
+            if self._step == ACTIVATION:
+                config = self.types.SetpointConfig(type=self._trip.kind, source_id=23, should_apply=True)
+                self.send("setpoint_config", config)
+        if now >= self._setpoint_time + SETPOINT and self._step >= ACTIVATION:
+            self._setpoint_time = now
+            for topic, fields in self._trip.setpoints.items():
+                self.send(topic, self.types.topics.UORB[topic].message(**fields))
 
     def _register(self) -> None:
         name = b"Benchmark".ljust(25, b"\0")
@@ -114,10 +166,11 @@ class Program:
         self.send("vehicle_command", self.types.VehicleCommand(command=number, param1=value, target_system=1, **rest))
 
 
-def one_process(seconds: float) -> tuple[float, float]:
-    """Return how many times faster than real time a vehicle and a program fly, and how high they got in m."""
-    vehicle, agent = SimulatedVehicle(importlib.import_module("px4_types"), Options(sync="off")), Agent(0.0)
-    program = Program(agent)
+def one_process(seconds: float, kind: str = "multicopter") -> tuple[float, float, float]:
+    """Return how many times faster than real time a vehicle and a program fly, and how far north and high in m."""
+    options = Options(vehicle=kind, sync="off")
+    vehicle, agent = SimulatedVehicle(importlib.import_module("px4_types"), options), Agent(0.0)
+    program = Program(agent, TRIPS[kind])
     start = time.process_time()
     for now in range(0, round(seconds * 1e6), STEP):
         vehicle.advance(now) if vehicle.next_time <= now else None
@@ -131,7 +184,7 @@ def one_process(seconds: float) -> tuple[float, float]:
             program.act(now)
         for data, _ in agent.take_outgoing():
             vehicle.receive(data, now)
-    return seconds / (time.process_time() - start), program.height
+    return seconds / (time.process_time() - start), program.north, program.height
 
 
 class Receiver(Meter):
@@ -174,10 +227,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Measure how much faster than real time simulated vehicles fly.")
     parser.add_argument("--quick", action="store_true", help="little, to see that it works")
     seconds = 5.0 if parser.parse_args().quick else 60.0
-    rows = [["alone", f"{alone(seconds):.0f}", ""]]
+    rows = [[f"{kind} alone", f"{alone(seconds, kind):.0f}", ""] for kind in TRIPS]
     one_process(16.0)  # imports the messages
-    ratio, height = one_process(seconds)
-    rows.append([f"one process, up to {height:.0f} m", f"{ratio:.0f}", ""])
+    for kind in TRIPS:
+        ratio, north, height = one_process(seconds, kind)
+        rows.append([f"{kind} in one process, {north:.0f} m north, {height:.0f} m high", f"{ratio:.0f}", ""])
     base = 0.0
     for speed in SPEEDS:
         reached, rate = sockets(speed, seconds / 20)

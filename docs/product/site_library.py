@@ -33,6 +33,7 @@ PUBLIC = {
         "LimitError",
         "Limits",
         "Mode",
+        "NotFusedError",
         "NotReachedError",
         "Problem",
         "ROVER",

@@ -2,7 +2,7 @@
 
 Usage: python survey.py [udp://127.0.0.1:8888]
 
-If a pilot takes over, or the program ends, the next flight goes on with the same item: survey.state notes it.
+If a pilot takes over, and selects the mode again, the mission goes on with the same item.
 """
 
 import asyncio
@@ -15,7 +15,6 @@ from msggen.flight import Flight, FlightError, Limits
 from msggen.flight.missions import Arguments, Handler, Mission
 
 FILE = Path(__file__).with_suffix(".json")
-STATE = FILE.with_suffix(".state")
 
 
 async def take_photo(handler: Handler, arguments: Arguments) -> None:
@@ -25,9 +24,9 @@ async def take_photo(handler: Handler, arguments: Arguments) -> None:
         print(f"item {handler.index}: photo {number + 1} of the {arguments['id']}", flush=True)
 
 
-async def main(flight: Flight, state: Path = STATE) -> None:
+async def main(flight: Flight) -> None:
     """Arm, and fly the mission."""
-    mission = Mission.load(FILE, actions={"takePhoto": take_photo}, state=state)
+    mission = Mission.load(FILE, actions={"takePhoto": take_photo})
     await flight.add(mission)
     await flight.arm()
     await flight.fly(mission)

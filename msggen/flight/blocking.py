@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 from msggen.flight.blocking_calls import FlightCalls, MeasurementsCalls, OffboardCalls, TelemetryCalls, Waits
 from msggen.flight.errors import FlightError
 from msggen.flight.flight import Flight
-from msggen.flight.measurements import Fusion, Measurements, Measuring, Sample
+from msggen.flight.measured import Measuring, Sample
+from msggen.flight.measurements import Fusion, Measurements
 from msggen.flight.offboard import Offboard
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
 from msggen.flight.space import Frame

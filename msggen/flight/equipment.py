@@ -126,10 +126,10 @@ def wind_of(message: Any, age: float) -> Wind:
 
 _VTOL_STATES: Final[Mapping[int, VtolState]] = MappingProxyType(
     {
-        vehicle_types.TO_FIXED_WING: "to fixed wing",
-        vehicle_types.TO_MULTICOPTER: "to multicopter",
-        vehicle_types.HOVERING: "multicopter",
-        vehicle_types.FORWARD: "fixed wing",
+        vehicle_types.VtolState.TO_FORWARD: "to fixed wing",
+        vehicle_types.VtolState.TO_HOVER: "to multicopter",
+        vehicle_types.VtolState.HOVER: "multicopter",
+        vehicle_types.VtolState.FORWARD: "fixed wing",
     }
 )
 _TYPES: Final[Mapping[int, VehicleType]] = MappingProxyType(

@@ -26,7 +26,7 @@ from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides, check_overrides
 from msggen.flight.part import Part, needed_topics
-from msggen.flight.registration import ARMED, NONE, ArmedError, Ids, Registrar
+from msggen.flight.registration import ARMED, NONE, REPLY, ArmedError, Ids, Registrar, ids_of
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming, is_asked
 from msggen.flight.running_executor import Charge
@@ -85,9 +85,15 @@ class Parts:
             for part in added:
                 self._drop(part.subject)
             raise
+        self._begin_executors(self._feeds["vehicle_status"].latest)
         self._parts += added
         if any(type(part.subject) not in self._active for part in added):
             self._renew()
+
+    def _begin_executors(self, status: Any) -> None:
+        """Let executors follow the vehicle, once all that they can fly is registered."""
+        for charge in self._charges:
+            charge.begin(status)
 
     def _check(self, part: Part) -> None:
         """Raise an error before anything is sent."""
@@ -227,6 +233,7 @@ class Parts:
         resuming.tell_slot(ids)
         restarts.begin()
         if is_resumed:
+            self._begin_executors(None)
             return
         try:
             if isinstance(active, ActiveMode):
@@ -262,6 +269,7 @@ class Parts:
         if self._answers is None or self._restarts is None:
             self._answers = Answers(self.connection, self._feeds)
             self._restarts = Restarts(self._feeds, self._mask, self._mask_of_checks, self._lose)
+            self._feeds[REPLY].call(self._take_registration)
         return self._answers, self._restarts
 
     def _begin(self, part: Part, ids: Ids, *, is_resumed: bool) -> Active:
@@ -297,15 +305,23 @@ class Parts:
             self._memory.release(active.ids.name)
 
     async def _until_ready(self, ids: Ids) -> None:
-        """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check."""
+        """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check.
+
+        In the meantime, PX4 can count it for the check 0, so the other modes are not ready either.
+        """
         if ids.mode != NONE:
-            bit = 1 << ids.mode
+            bits = 1 << ids.mode | self._bits_of_runnable()
             with suppress(TimeoutError):  # the conditions of the mode are not met
-                await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
+                await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bits, _READY)
             return
         with suppress(TimeoutError):
             await self._feeds["arming_check_request"].following(lambda each: is_asked(each, ids.check), _READY)
             await asyncio.sleep(_READ)
+
+    def _bits_of_runnable(self) -> int:
+        """Return the modes whose conditions are met, as bits."""
+        modes = [(each.ids.mode, each.verdict()) for each in self._active.values() if each.ids.mode != NONE]
+        return sum(1 << mode for mode, verdict in modes if verdict.can_run and not verdict.problems)
 
     # after a restart
 
@@ -314,6 +330,13 @@ class Parts:
 
     def _mask_of_checks(self) -> int:
         return sum(1 << active.ids.check for active in self._active.values() if active.ids.mode == NONE)
+
+    def _take_registration(self, reply: Any) -> None:
+        """Give up an id that the vehicle has assigned to somebody else, whose check would get the replies of two."""
+        ids = ids_of(reply)
+        own = (each.ids for each in self._active.values())
+        if reply.success and any(each.check == ids.check and each != ids for each in own):
+            self._lose(f"the vehicle has registered {ids.name!r} in its place", 1 << ids.check)
 
     def _lose(self, why: str, lost: int) -> None:
         """End modes and checks, because the vehicle no longer knows their ids, and register them again."""
@@ -348,21 +371,14 @@ class Parts:
         while True:
             missing = [each for each in self._parts if type(each.subject) not in self._active and each not in given_up]
             if not missing:
+                self._begin_executors(self._feeds["vehicle_status"].latest)
                 return
             try:
-                await self._add_again(missing[0])
+                await self._add(missing[0], is_again=True)
             except NoAnswerError:  # the vehicle is still starting
                 await asyncio.sleep(_AGAIN)
+            except ArmedError:
+                await self._feeds["vehicle_status"].wait(is_disarmed)
             except FlightError as error:
                 report(f"{missing[0].subject.name!r} could not be registered again", error)
                 given_up.append(missing[0])
-
-    async def _add_again(self, part: Part) -> None:
-        try:
-            await self._add(part, is_again=True)
-        except RegistrationError:
-            status = self._feeds["vehicle_status"]
-            if is_disarmed(status.latest):
-                raise
-            await status.wait(is_disarmed)
-            await self._add(part, is_again=True)

@@ -20,7 +20,8 @@ _REPLIES = 0.1
 """The time in s within which PX4 replies: v1.18 takes 4 to 16 ms."""
 _LOOP = 0.02
 """The time in s within which PX4 reads an unregistration: its queue holds one."""
-_REQUEST, _REPLY, _END = "register_ext_component_request", "register_ext_component_reply", "unregister_ext_component"
+_REQUEST, _END = "register_ext_component_request", "unregister_ext_component"
+REPLY: Final = "register_ext_component_reply"
 
 
 class ArmedError(RegistrationError):
@@ -91,8 +92,8 @@ class Registrar:
         self._given[request.request_id] = None
         reply = await self._ask(request)
         if not reply.success:
-            raise RegistrationError(f"{wanted.name}: {self._why(wanted)}")
-        ids = self._given[request.request_id] = _ids_of(reply)
+            raise self._refusal(wanted)
+        ids = self._given[request.request_id] = ids_of(reply)
         expected = request.px4_ros2_api_version
         if reply.px4_ros2_api_version != expected:
             self.unregister(ids)
@@ -137,12 +138,12 @@ class Registrar:
         """Unregister what was registered twice because a reply was late, or after the program has given up."""
         if not self._is_watching:
             self._is_watching = True
-            self._feeds[_REPLY].call(self._take)
+            self._feeds[REPLY].call(self._take)
 
     def _take(self, reply: Any) -> None:
         is_waited_for = reply.request_id in self._waiting
         if reply.success and not is_waited_for and reply.request_id in self._given:
-            ids = _ids_of(reply)
+            ids = ids_of(reply)
             if ids != self._given[reply.request_id]:
                 self.unregister(ids)
         self._waiting.discard(reply.request_id)
@@ -177,23 +178,26 @@ class Registrar:
                 self._asked = asyncio.get_running_loop().time()
                 self._connection.publish(_REQUEST, request)
                 try:
-                    return await self._feeds[_REPLY].following(is_answer, _PATIENCE)
+                    return await self._feeds[REPLY].following(is_answer, _PATIENCE)
                 except TimeoutError:
                     continue
         finally:
             self._waiting.discard(request.request_id)
         raise self._feeds.no_answer(f"no answer from the vehicle to {_TRIES} registrations of {_PATIENCE:.0f} s")
 
-    def _why(self, wanted: Wanted) -> str:
-        """Return the likely reason of a refusal. The reply of the vehicle has none."""
+    def _refusal(self, wanted: Wanted) -> RegistrationError:
+        """Return the error of a refusal with its likely reason. The reply of the vehicle has none."""
         status = self._feeds["vehicle_status"].latest
         if status is not None and is_armed(status):
-            return ARMED
+            return ArmedError(f"{wanted.name}: {ARMED}")
         if wanted.replaces is not None:
-            return f"another mode already replaces mode {wanted.replaces}, or no slot is free"
-        return "no slot is free: PX4 has 8 modes, 8 arming checks and 5 executors"
+            why = f"another mode already replaces mode {wanted.replaces}, or no slot is free"
+        else:
+            why = "no slot is free: PX4 has 8 modes, 8 arming checks and 5 executors"
+        return RegistrationError(f"{wanted.name}: {why}")
 
 
-def _ids_of(reply: Any) -> Ids:
-    name = bytes(reply.name).partition(b"\0")[0].decode()
+def ids_of(reply: Any) -> Ids:
+    """Return the ids that a RegisterExtComponentReply assigns."""
+    name = bytes(reply.name).partition(b"\0")[0].decode(errors="replace")  # it can be that of another program
     return Ids(name, reply.arming_check_id, reply.mode_id, reply.mode_executor_id)

@@ -45,12 +45,19 @@ class Charge:
         """Whether a failsafe has ended `run` in flight. `run` starts again if the failsafe clears in flight."""
         self._was_own = self._flies_own = False
         """Whether its own mode was active, and whether the executor itself has selected it."""
+        self._is_ready = False
         executor._charge = self  # noqa: SLF001 - its own part
 
     @property
     def is_in_charge(self) -> bool:
         """Whether `run` is under way."""
         return self._task is not None
+
+    def begin(self, status: Any) -> None:
+        """Follow the vehicle from now on: it has read the first reply of the mode, and can be armed in it."""
+        was_ready, self._is_ready = self._is_ready, True
+        if status is not None and not was_ready:
+            self.follow(status)
 
     async def wait_end(self, actions: Actions) -> None:
         """Select the mode of the executor as a user does, and wait for the end of `run`.
@@ -93,7 +100,9 @@ class Charge:
         self.executor._charge = None  # noqa: SLF001 - as above
 
     def follow(self, status: Any) -> None:
-        """Start or stop the executor according to a VehicleStatus."""
+        """Start or stop the executor according to a VehicleStatus. One that PX4 puts in charge at once has to wait."""
+        if not self._is_ready:
+            return
         has_armed = self._was_armed = is_armed(status)
         is_chosen = self._is_chosen(status) and has_armed
         if status.executor_in_charge != self.ids.executor:

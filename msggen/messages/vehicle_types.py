@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import IntEnum
 from types import MappingProxyType
 from typing import Final
 
@@ -26,10 +27,16 @@ TITLES: Final[Mapping[int, str]] = MappingProxyType(
 )
 """What each is called in messages."""
 
-NO_VTOL: Final = 0
-TO_FIXED_WING: Final = 1
-TO_MULTICOPTER: Final = 2
-HOVERING: Final = 3
-FORWARD: Final = 4
-"""The states of a VTOL: VEHICLE_VTOL_STATE_* of VtolVehicleStatus."""
-TRANSITIONS: Final = frozenset({TO_FIXED_WING, TO_MULTICOPTER})
+
+class VtolState(IntEnum):
+    """VEHICLE_VTOL_STATE_* of VtolVehicleStatus."""
+
+    TO_FORWARD = 1
+    TO_HOVER = 2
+    HOVER = 3
+    FORWARD = 4
+
+    @property
+    def is_transition(self) -> bool:
+        """Whether the vehicle is on its way to another state."""
+        return self in {VtolState.TO_FORWARD, VtolState.TO_HOVER}

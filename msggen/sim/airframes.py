@@ -27,7 +27,7 @@ class Airframe(NamedTuple):
     """Whether a rover turns by the speeds of its sides, and not by its front wheels."""
 
 
-_WINGS: Final = {"COM_DISARM_PRFLT": -1.0, "MIS_TAKEOFF_ALT": 25.0, "RTL_TYPE": 1.0}
+_WINGS: Final = {"COM_DISARM_PRFLT": -1.0, "MIS_TAKEOFF_ALT": 25.0, "RTL_RETURN_ALT": 100.0, "RTL_TYPE": 1.0}
 _VTOL: Final = {"FW_AIRSPD_MIN": 7.0, "FW_AIRSPD_TRIM": 10.0, "FW_AIRSPD_MAX": 12.0}
 _TAILSITTER: Final = {**_VTOL, "VT_B_TRANS_DUR": 5.0}
 AIRFRAMES: Mapping[str, Airframe] = MappingProxyType(

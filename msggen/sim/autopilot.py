@@ -19,7 +19,6 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.sim.attitude import Vector
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import DRAG, GRAVITY, NAN, VELOCITY_GAIN, Flight, Push, Target
@@ -97,7 +96,6 @@ _HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
 class Autopilot:
     """Flies the mode of the commander. `setpoints` are those that programs have sent."""
 
-    vehicle_type = ROTARY_WING
     origin = 0.0
 
     def __init__(self, flight: Flight, setpoints: Setpoints, parameters: Mapping[str, float] = PARAMETERS) -> None:

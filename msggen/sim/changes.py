@@ -17,7 +17,7 @@ _TOPICS = (
     "manual_control_setpoint",
     "vtol_vehicle_status",
 )
-_FLAGS = 13
+_FLAGS = 14
 """The number of `Senses` that FailsafeFlags tells."""
 
 
@@ -44,19 +44,14 @@ def _states(world: World) -> Sequence[object]:
     return (
         (
             *(is_armed, mode, commander.intention, commander.executor_in_charge),
-            *(failsafe.is_active, failsafe.defer_state, commander.is_ready, state),
+            *(failsafe.is_active, failsafe.defer_state, commander.is_ready, commander.vtol_state),
         ),
         (is_armed, mode, commander.controls, commander.vehicle_type),
         (commander.senses[:_FLAGS], commander.requirements.masks),
-        (landing.ground_contact, landing.maybe_landed, landed),
+        (landing.ground_contact, landing.maybe_landed, landed, is_armed),
         (
-            landed,
-            world.has_position,
-            state,
-            commander.vehicle_type,
-            external.fused,
-            external.is_aided,
-            external.is_yaw_aligned,
+            *(landed, is_armed, world.has_position, state, commander.vehicle_type, world.uses_range),
+            *(external.fused, external.is_aided, external.is_yaw_aligned),
         ),
         (world.has_home, world.home_changes, world.origin),
         (mode, landed),

@@ -27,10 +27,11 @@ from msggen.messages.commands import (
     VTOL_TRANSITION,
 )
 from msggen.messages.refusals import MEANINGS
+from msggen.messages.vehicle_types import VtolState
 from msggen.sim.commander.commander import Commander
 from msggen.sim.models import Landing, Pilot
 from msggen.sim.places import Home
-from msggen.sim.vtol_pilot import State, VtolPilot
+from msggen.sim.vtol_pilot import VtolPilot
 
 _MAIN_MODES: Mapping[int, int] = {
     1: nav_states.MANUAL,
@@ -53,7 +54,7 @@ _CUSTOM_MODE = 1
 """The bit of parameter 1 of DO_SET_MODE that says that parameter 2 counts."""
 _CHANGE_MODE = 1
 """The bit of parameter 2 of DO_REPOSITION that PX4 wants, and no other."""
-_TRANSITIONS = {3.0: State.HOVER, 4.0: State.FORWARD}
+_TRANSITIONS = {3.0: VtolState.HOVER, 4.0: VtolState.FORWARD}
 """What parameter 1 of DO_VTOL_TRANSITION asks for. PX4 takes another number as the first."""
 _FORCE = 21196
 """Parameter 2 of COMPONENT_ARM_DISARM that overrides the checks."""
@@ -153,7 +154,7 @@ class Order:
         world, pilot = self._world, self._world.autopilot
         if not isinstance(pilot, VtolPilot):
             return self.refuse(UNSUPPORTED, "the vehicle is no VTOL")
-        to, is_at_once = _TRANSITIONS.get(self._parameters[0], State.HOVER), self._parameters[1] == 1.0
+        to, is_at_once = _TRANSITIONS.get(self._parameters[0], VtolState.HOVER), self._parameters[1] == 1.0
         is_grounded = world.landing.landed or not world.commander.is_armed
         result = pilot.transition(to, world.time, is_at_once=is_at_once, is_grounded=is_grounded)
         return (

@@ -77,8 +77,9 @@ class _Odometry(NamedTuple):
     position: Vector
     velocity: Vector
     yaw: float
+    """NaN without an attitude. It turns FRD frames, also where it is not to be fused."""
     variances: tuple[float, float, float]
-    """Of position, velocity and yaw."""
+    """Of the horizontal position, of velocity and yaw."""
     resets: int
 
 
@@ -103,6 +104,8 @@ class External:
         """How often `fused` has changed, and position and heading were reset."""
         self.move = (0.0, 0.0)
         """How far the last reset has moved the position, in m north and east."""
+        self.is_aided = True
+        """Whether something has made the position known within the last second."""
         self.is_yaw_aligned = True
         """Whether the heading is from north, and not that of an FRD frame."""
         self.handlers: Mapping[str, Callable[[Any, int], object]] = {LOCAL: self.take, GLOBAL: self.take_place}
@@ -110,8 +113,8 @@ class External:
         self._now, self._is_resting, self._has_gps = 0, True, True
         self._waiting: deque[_Odometry] = deque(maxlen=_KEPT)
         self._places: deque[_Place] = deque(maxlen=_KEPT)
-        self._newest = self._before = self._heard = -_STOPPED
-        """The times of the newest measurement, of the last one that was looked at, and of its arrival."""
+        self._newest = self._before = -_STOPPED
+        """The times of the newest measurement, and of the last one that was used."""
         self._place_heard = 0
         self._counter = self._place_counter = 0
         self._used: dict[Part, int] = {}
@@ -129,18 +132,18 @@ class External:
         time = message.timestamp_sample
         if time < self._newest + _NEAREST:
             return
-        self._newest, self._heard = time, self._now
-        values = {name: getattr(message, name) for name in _FIELDS}
-        yaw = angles_of(message.q, 0.0)[2] if YAW in taken(values) else 0.0
-        noises = (_noise(message.position_variance), _noise(message.velocity_variance))
+        self._newest = time
+        parts = taken({name: getattr(message, name) for name in _FIELDS})
+        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else math.nan
+        noises = (_noise(message.position_variance, 0, 1), _noise(message.velocity_variance, 0, 1, 2))
         found = _Odometry(
             time,
-            frozenset(part for part in taken(values) if part.bit & self._control),
+            frozenset(part for part in parts if part.bit & self._control),
             message.pose_frame,
             message.position,
             message.velocity,
             yaw,
-            (*noises, _noise(message.orientation_variance)),
+            (*noises, _noise(message.orientation_variance, 2)),
             message.reset_counter,
         )
         self._waiting.append(found)
@@ -173,6 +176,9 @@ class External:
         `has_gps` says whether GPS decides the position, and `is_resting` whether the vehicle stands on the ground.
         """
         self._now, self._has_gps, self._is_resting = now, has_gps, is_resting
+        if has_gps and not (self._waiting or self._places or self._used):  # nobody measures
+            self.is_aided = True
+            return False
         while self._waiting and self._waiting[0].time + _BEHIND <= now:
             found = self._waiting.popleft()
             if now - found.time < _OLDEST:
@@ -183,22 +189,18 @@ class External:
                 self._look_at_place(place)
         if self.fused:
             self._stop()
+        self.is_aided = has_gps or not all(map(self._is_late, MEASURED))
         return any(now - self._used[part] < _LOST for part in MEASURED if part in self._used)
 
     def _stop(self) -> None:
         """End what has got no measurements for some time."""
         local = self.fused - {PLACE}
-        if local and self._now - self._heard > _STOPPED:
+        if local and self._now - self._before > _STOPPED:
             self._end(local)
             if self._is_resting and not self._has_gps:
                 self._reset(self._world.flight.position)  # EKF2 holds the place where it stands
         if PLACE in self.fused and self._now - self._place_heard > _PLACE_STOPPED:
             self._end({PLACE})
-
-    @property
-    def is_aided(self) -> bool:
-        """Whether something has made the position known within the last second."""
-        return self._has_gps or not all(map(self._is_late, MEASURED))
 
     @property
     def accuracy(self) -> float:
@@ -229,7 +231,9 @@ class External:
         self._end(self.fused - found.parts - {PLACE})
         if YAW in found.parts:
             self._look_at_yaw(found, can_start=can_start, is_reset=is_reset)
-        if POSITION in found.parts and (self.is_yaw_aligned or found.frame == FRD):
+        if not self.is_yaw_aligned and found.frame != FRD:
+            self._end({POSITION})
+        elif POSITION in found.parts:
             self._look_at_position(found, can_start=can_start, is_reset=is_reset)
         if VELOCITY in found.parts:
             self._look_at_velocity(found, can_start=can_start)
@@ -242,10 +246,10 @@ class External:
             return
         error = wrapped(found.yaw - flight.yaw)
         is_near = abs(error) <= _YAW_GATE * math.sqrt(found.variances[2] + _STATE_VARIANCE)
-        is_new = YAW not in self.fused or is_reset
-        if is_near or is_new or self._is_late(YAW):
+        is_new = YAW not in self.fused or is_reset or self._is_late(YAW)
+        if is_near or is_new:
             self._use(YAW)
-        if (is_new and (is_turned or not is_near)) or (not is_near and YAW in self.fused and self._is_late(YAW)):
+        if is_new and (is_turned or not is_near):
             flight.yaw += error
             self.heading_resets += 1
             self.is_yaw_aligned = not is_turned
@@ -287,7 +291,7 @@ class External:
     def _turned(self, found: _Odometry) -> Vector:
         """Return a position in the frame of the estimate: an FRD frame is turned, unless the estimate is in it."""
         x, y, z = found.position
-        if found.frame != FRD or YAW not in found.parts or YAW in self.fused:
+        if found.frame != FRD or math.isnan(found.yaw) or YAW in self.fused:
             return x, y, z
         turn = self._world.flight.yaw - found.yaw
         return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn), z
@@ -346,6 +350,7 @@ class External:
 
     def _end(self, parts: frozenset[Part] | set[Part]) -> None:
         if self.fused & parts:
+            self.is_yaw_aligned |= YAW in parts  # the magnetometer gives the heading again
             self.fused -= parts
             self.changes += 1
 
@@ -367,9 +372,9 @@ class External:
 _FIELDS: Final = ("position", "pose_frame", "velocity", "velocity_frame", "q")
 
 
-def _noise(variances: Vector) -> float:
-    """Return the largest variance, but not less than that of the parameters, which count if one is not finite."""
-    return max(_LEAST, *variances) if all(map(math.isfinite, variances)) else _LEAST
+def _noise(variances: Vector, *axes: int) -> float:
+    """Return the largest variance of some axes, at least that of the parameters, which count if any is not finite."""
+    return max(_LEAST, *(variances[axis] for axis in axes)) if all(map(math.isfinite, variances)) else _LEAST
 
 
 def _bits(value: float) -> int:

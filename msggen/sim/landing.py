@@ -6,11 +6,12 @@ import math
 from typing import NamedTuple
 
 from msggen.messages.nav_states import DESCEND, LAND
+from msggen.messages.vehicle_types import VtolState
 from msggen.sim.autopilot import Autopilot
 from msggen.sim.flight import Flight
 from msggen.sim.parameters import microseconds
 from msggen.sim.rover_pilot import RoverPilot
-from msggen.sim.vtol_pilot import State, VtolPilot
+from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wings import Wings
 
 _STAGE = microseconds("LNDMC_TRIG_TIME") // 3
@@ -94,19 +95,14 @@ class RoverLandDetector:
 
 
 class VtolLandDetector(LandDetector):
-    """That of a VTOL: by its rotors, or by its wings."""
+    """That of a VTOL: in forward flight, it has landed only if it is disarmed."""
 
     def __init__(self, flight: Wings, pilot: VtolPilot) -> None:
         super().__init__(flight, pilot)
-        self._state = pilot
-        self._plane = PlaneLandDetector(flight)
+        self._vtol = pilot
 
     def look(self, now: Now) -> None:
         """Move on to a time."""
-        if self._state.state is not State.FORWARD:
-            super().look(now)
-            self._plane.landed = self.landed
-            return
-        self._plane.look(now)
-        self.ground_contact = False
-        self.maybe_landed = self.landed = self._plane.landed
+        super().look(now)
+        if self._vtol.state is VtolState.FORWARD and now.armed is not None:
+            self.maybe_landed = self.landed = False

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from msggen.link.xrce.client_entities import Sync
 from msggen.sim.airframes import airframe_of
 from msggen.sim.line import Misbehaviour
+from msggen.sim.parameters import PARAMETERS
 from msggen.sim.world import Home
 
 Board: TypeAlias = Literal["most", "sitl"]
@@ -40,6 +41,11 @@ class Options(NamedTuple):
     """The parts that the vehicle has, such as "gimbal": those of `PARTS` in msggen.sim.parts."""
     disturbances: Sequence[str] = ()
     """What makes flying hard, such as "wind": those of `DISTURBANCES` in msggen.sim.disturbances."""
+
+    @property
+    def followed(self) -> Mapping[str, float]:
+        """The parameters that the vehicle follows: PX4's defaults, those of its kind, and its own."""
+        return {**PARAMETERS, **airframe_of(self.vehicle).parameters, **self.parameters}
 
     @property
     def equipment(self) -> frozenset[str]:

@@ -16,6 +16,7 @@ _NEVER = 1 << 62
 """A time in us that does not come."""
 
 _INTERVALS = {
+    "airspeed_validated": 100_000,
     "estimator_status_flags": 1_008_000,
     "failsafe_flags": 540_000,
     "timesync_status": 1_000_000,
@@ -112,7 +113,7 @@ class Schedule:
         self._publications = tuple(each for each in publications if not each.is_answer and not each.is_silent)
         self._due = [(start + index * _SPREAD, index) for index in range(len(self._publications))]
         self._earliest = [time for time, _ in self._due]
-        """When each can be published next if it changes."""
+        """When each can be published next if it changes. As in uORB, a pause that was not used counts once."""
 
     @property
     def next_time(self) -> int | None:
@@ -139,7 +140,7 @@ class Schedule:
             publication = self._publications[index]
             yield publication
             interval = publication.interval
-            self._earliest[index] = time + publication.pause
+            self._earliest[index] = min(max(self._earliest[index], now - publication.pause), now) + publication.pause
             following = _NEVER if interval is None else time + interval if time + interval > now else now + interval
             heapq.heapreplace(due, (following, index))
 

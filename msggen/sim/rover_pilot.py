@@ -12,7 +12,6 @@ from typing import Any
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import ROVER as ROVER_KINDS
 from msggen.messages.setpoints import ROVER_THROTTLE
-from msggen.messages.vehicle_types import ROVER
 from msggen.sim.attitude import Vector
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Flight, wrapped
@@ -35,7 +34,6 @@ _NEAR = 0.5
 class RoverPilot:
     """Drives the mode of the commander. As in PX4, setpoints are used until the controls change."""
 
-    vehicle_type = ROVER
     controls_position = is_led = False
     origin = 0.0
 

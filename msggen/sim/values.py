@@ -25,14 +25,14 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING
+from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, VtolState
 from msggen.sim.battery import Battery
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.commander.states import PILOTED
 from msggen.sim.flight import NAN, Target, wrapped
 from msggen.sim.noise import Noise
 from msggen.sim.parts import POWER_MODULE
-from msggen.sim.vtol_pilot import State, VtolPilot
+from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wings import Wings
 from msggen.sim.world import World
 
@@ -57,8 +57,8 @@ _HOVER = 0.5
 _MOTORS = 4
 _LOW = 1.0
 """The height in m below which the vehicle is close to the ground."""
-_MOVING = 0.1
-"""The speed in m/s above which the land detector reports movement."""
+_MOVING, _DESCENT, _TURNING = 0.1, 0.33, 0.35
+"""The speeds in m/s and the rate in rad/s above which the land detector reports movement, a descent and a rotation."""
 _EPV = 0.05
 """The vertical accuracy of estimates in m."""
 _START = 636_000
@@ -71,6 +71,8 @@ _GYRO, _FORCE = 0.007, 0.07
 """That of the sensors, in rad/s and m/s^2."""
 _WIND, _AIRSPEED, _LEAST_AIRSPEED = 0.03, 0.2, 0.1
 """That of the wind and of the airspeed in m/s, and the least airspeed that a sensor tells."""
+_CRUISE, _CLIMB = 0.6, 0.06
+"""The throttle of level forward flight, and that for a height rate of 1 m/s: as captured from PX4's simulator."""
 _GPS_PLACE, _GPS_HEIGHT, _GPS_SPEED = 2e-7, 0.03, 0.025
 """That of GPS, in degrees, m and m/s."""
 _XY_RESETS, _Z_RESETS, _VXY_RESETS, _VZ_RESETS, _HEADING_RESETS = 4, 2, 3, 1, 1
@@ -124,7 +126,7 @@ class Filler:
 
 def _vehicle_status(scene: Scene) -> Values:
     commander, battery = scene.world.commander, scene.world.battery
-    failsafe, airframe, state = commander.failsafe, scene.world.airframe, scene.world.vtol_state
+    failsafe, airframe, state = commander.failsafe, commander.airframe, commander.vtol_state
     return {
         "armed_time": commander.armed_time,
         "takeoff_time": commander.takeoff_time,
@@ -139,11 +141,11 @@ def _vehicle_status(scene: Scene) -> Values:
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
         "valid_nav_states_mask": _VALID_MODES,
         "can_set_nav_states_mask": commander.selectable,
-        "vehicle_type": scene.world.autopilot.vehicle_type,
+        "vehicle_type": commander.vehicle_type,
         "is_vtol": airframe.is_vtol,
         "is_vtol_tailsitter": airframe.is_tailsitter,
-        "in_transition_mode": state in {State.TO_FORWARD, State.TO_HOVER},
-        "in_transition_to_fw": state is State.TO_FORWARD,
+        "in_transition_mode": state is not None and state.is_transition,
+        "in_transition_to_fw": state is VtolState.TO_FORWARD,
         "failsafe": failsafe.is_active,
         "failsafe_and_user_took_over": failsafe.user_took_over,
         "failsafe_defer_state": failsafe.defer_state,
@@ -338,23 +340,30 @@ def _measured(battery: Battery) -> Values:
 
 
 def _vehicle_land_detected(scene: Scene) -> Values:
-    world, flight = scene.world, scene.world.flight
-    north, east, down = flight.velocity
-    landing = world.landing
-    landed, is_low = landing.landed, flight.ground - flight.position[2] < _LOW
-    return {
-        "freefall": not world.is_armed and not landed,
+    world, landing = scene.world, scene.world.landing
+    found = {
+        "freefall": not world.is_armed and not landing.landed,
         "ground_contact": landing.ground_contact,
         "maybe_landed": landing.maybe_landed,
-        "landed": landed,
-        "in_ground_effect": not landed and is_low,
-        "in_descend": down > _MOVING,
-        "has_low_throttle": landing.ground_contact,
+        "landed": landing.landed,
+        "at_rest": landing.landed and not world.is_armed,
+    }
+    return {**found, **_rotors_land(world)} if world.airframe.vehicle_type == ROTARY_WING else found
+
+
+def _rotors_land(world: World) -> Values:
+    """Return what the land detector of a multicopter and of a VTOL tells beside."""
+    flight, contact = world.flight, world.landing.ground_contact
+    north, east, down = flight.velocity
+    is_low, is_forward = flight.ground - flight.position[2] < _LOW, world.vtol_state is VtolState.FORWARD
+    return {
+        "in_ground_effect": not world.is_landed and is_low,
+        "in_descend": world.is_landed or (down > _DESCENT and not is_forward),
+        "has_low_throttle": contact or is_forward,
         "vertical_movement": abs(down) > _MOVING,
         "horizontal_movement": math.hypot(north, east) > _MOVING,
-        "rotational_movement": max(map(abs, flight.rates)) > _MOVING,
+        "rotational_movement": max(map(abs, flight.rates)) > _TURNING and not is_forward,
         "close_to_ground_or_skipped_check": is_low,
-        "at_rest": landed,
     }
 
 
@@ -394,6 +403,7 @@ def _failsafe_flags(scene: Scene) -> Values:
         "manual_control_signal_lost": not senses.manual_control,
         "gcs_connection_lost": not senses.ground_station,
         "battery_warning": senses.battery,
+        "fd_critical_failure": senses.has_fallen,
         "mode_req_wind_and_flight_time_compliance": _WIND_LIMITED,
         "remote_id_unhealthy": True,  # as of every vehicle without a remote id
     }
@@ -418,7 +428,7 @@ _CONTROL_CHANGES = 44
 """How often the flags have changed before the vehicle can fly."""
 _STEADY = (
     *("cs_tilt_align", "cs_yaw_align", "cs_mag_3d", "cs_mag", "cs_mag_heading_consistent", "cs_heading_observable"),
-    *("cs_baro_hgt", "cs_rng_hgt", "cs_rng_kin_consistent", "cs_rng_terrain"),
+    *("cs_baro_hgt", "cs_rng_kin_consistent", "cs_rng_terrain"),
 )
 _BY_GPS = ("cs_gps_hgt", "cs_gnss_pos", "cs_gnss_vel", "cs_gps")
 """The flags that need GPS. The last one is the name of two of them before v1.17."""
@@ -433,15 +443,16 @@ def _estimator_status_flags(scene: Scene) -> Values:
         **world.external.flags,
         "control_status_changes": _CONTROL_CHANGES + world.control_changes + world.external.changes,
         "cs_fixed_wing": world.commander.vehicle_type == FIXED_WING,
-        "cs_in_transition": world.vtol_state in {State.TO_FORWARD, State.TO_HOVER},
+        "cs_in_transition": world.vtol_state is not None and world.vtol_state.is_transition,
         "cs_wind": world.has_flown_by_wings,
         "cs_fuse_beta": has_wings and not landed,
         "cs_fuse_aspd": has_wings and not landed,
+        "cs_rng_hgt": world.uses_range,
         "cs_mag_dec": landed,
         "cs_mag_aligned_in_flight": not landed,
         "cs_in_air": not landed,
         "cs_gnd_effect": not landed and world.flight.ground - world.flight.position[2] < _LOW,
-        "cs_vehicle_at_rest": landed,
+        "cs_vehicle_at_rest": landed and not world.is_armed,
     }
 
 
@@ -497,9 +508,14 @@ def _airspeed_validated(scene: Scene) -> Values:
         "airspeed_sensor_measurement_valid": True,
         "calibrated_ground_minus_wind_m_s": speed if scene.world.has_flown_by_wings else NAN,
         "calibraded_airspeed_synth_m_s": flight.trim,
-        "throttle_filtered": 0.0,
-        "pitch_filtered": flight.pitch,
+        "throttle_filtered": _throttle(flight),
     }
+
+
+def _throttle(flight: Wings) -> float:
+    """Return the throttle of forward flight."""
+    climb = -flight.velocity[2]
+    return max(0.0, min(1.0, _CRUISE + _CLIMB * climb)) if flight.is_flying_by_wings else 0.0
 
 
 def _vtol_vehicle_status(scene: Scene) -> Values:

@@ -26,7 +26,7 @@ from msggen.sim.disturbances import Disturbances, noise_with
 from msggen.sim.endpoints import endpoints_of
 from msggen.sim.line import Line
 from msggen.sim.options import Options
-from msggen.sim.parameters import PARAMETERS, check_settable
+from msggen.sim.parameters import check_settable
 from msggen.sim.parts import check_part
 from msggen.sim.programs import Programs, rules_of
 from msggen.sim.publishing import Answer, Answers, FlightLog, Publication, Schedule, localize
@@ -357,7 +357,7 @@ def world_of(package: ModuleType, options: Options) -> World:
         options.key,
         has_position=not options.misbehaviour.no_position,
         rules=rules,
-        parameters={**PARAMETERS, **airframe.parameters, **options.parameters},
+        parameters=options.followed,
         airframe=airframe,
     )
     found.parts = options.equipment

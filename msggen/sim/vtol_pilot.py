@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from enum import IntEnum
 from typing import Any
 
-from msggen.messages import vehicle_types
 from msggen.messages.commands import ACCEPTED, TEMPORARILY_REJECTED
 from msggen.messages.nav_states import EXTERNAL, LAND, RETURN, TAKEOFF, VTOL_TAKEOFF
-from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING
+from msggen.messages.vehicle_types import VtolState
 from msggen.sim.attitude import Vector
 from msggen.sim.autopilot import Autopilot, Lift, Setpoint
 from msggen.sim.commander.setpoint_types import ALL, Controls
@@ -41,15 +39,6 @@ _QUARTER = 90.0
 _TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 
 
-class State(IntEnum):
-    """VTOL_VEHICLE_STATE of VtolVehicleStatus."""
-
-    TO_FORWARD = vehicle_types.TO_FIXED_WING
-    TO_HOVER = vehicle_types.TO_MULTICOPTER
-    HOVER = vehicle_types.HOVERING
-    FORWARD = vehicle_types.FORWARD
-
-
 class VtolPilot:
     """Flies the mode of the commander, by rotors or by wings."""
 
@@ -57,7 +46,7 @@ class VtolPilot:
         self, flight: Wings, setpoints: Setpoints, parameters: Mapping[str, float], *, pushes_in_modes: bool = True
     ) -> None:
         """`pushes_in_modes`: whether a transition in the mode of a program starts the pusher, as from v1.17 on."""
-        self.state = State.HOVER
+        self.state = VtolState.HOVER
         self.has_failed = False
         """Whether the last transition to forward flight failed: fixed_wing_system_failure."""
         self.rotors = Autopilot(flight, setpoints, parameters)
@@ -68,11 +57,6 @@ class VtolPilot:
         self._begin = self._now = 0
         self._height = 0.0
         """The down position at the beginning of a transition."""
-
-    @property
-    def vehicle_type(self) -> int:
-        """That of VehicleStatus: in transitions, that of a multicopter."""
-        return FIXED_WING if self.state is State.FORWARD else ROTARY_WING
 
     @property
     def is_overturned(self) -> bool:
@@ -116,7 +100,7 @@ class VtolPilot:
     @property
     def controls_position(self) -> bool:
         """Whether position control of a multicopter runs."""
-        return self.rotors.controls_position and self.state is not State.FORWARD
+        return self.rotors.controls_position and self.state is not VtolState.FORWARD
 
     @property
     def is_led(self) -> bool:
@@ -140,7 +124,7 @@ class VtolPilot:
 
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
-        if mode != self._mode and mode in _NO_WINGS and self.state is State.TO_FORWARD:
+        if mode != self._mode and mode in _NO_WINGS and self.state is VtolState.TO_FORWARD:
             self._hover(time)
         self._mode = mode
         self.rotors.enter(TAKEOFF if mode == VTOL_TAKEOFF else mode, time)
@@ -149,38 +133,38 @@ class VtolPilot:
     def is_done(self, *, is_landed: bool) -> bool:
         """Whether a takeoff, a landing or a return has reached its end."""
         if self._mode == VTOL_TAKEOFF:
-            return self.state is State.FORWARD
-        return (self.wings if self.state is State.FORWARD else self.rotors).is_done(is_landed=is_landed)
+            return self.state is VtolState.FORWARD
+        return (self.wings if self.state is VtolState.FORWARD else self.rotors).is_done(is_landed=is_landed)
 
     # Transitions
 
-    def transition(self, to: State, time: int, *, is_at_once: bool, is_grounded: bool) -> int:
+    def transition(self, to: VtolState, time: int, *, is_at_once: bool, is_grounded: bool) -> int:
         """Take DO_VTOL_TRANSITION, and return the result. On the ground, the transition is over at once."""
-        if to is State.FORWARD:
+        if to is VtolState.FORWARD:
             if self._mode in _NO_WINGS:
                 return TEMPORARILY_REJECTED
             self.has_failed = False
-            if self.state in {State.HOVER, State.TO_HOVER}:
-                self._start(State.TO_FORWARD, time)
-        elif self.state in {State.FORWARD, State.TO_FORWARD}:
+            if self.state in {VtolState.HOVER, VtolState.TO_HOVER}:
+                self._start(VtolState.TO_FORWARD, time)
+        elif self.state in {VtolState.FORWARD, VtolState.TO_FORWARD}:
             if is_at_once:
                 self._fail(time)
-            elif self.state is State.FORWARD:
-                self._start(State.TO_HOVER, time)
+            elif self.state is VtolState.FORWARD:
+                self._start(VtolState.TO_HOVER, time)
             else:
                 self._hover(time)
-        if is_grounded and self.state in {State.TO_FORWARD, State.TO_HOVER}:
+        if is_grounded and self.state.is_transition:
             self._end_on_ground(time)
         return ACCEPTED
 
-    def _start(self, state: State, time: int) -> None:
+    def _start(self, state: VtolState, time: int) -> None:
         self.state, self._begin = state, time
         self._height = self._flight.position[2]
-        if state is State.TO_HOVER:
+        if state is VtolState.TO_HOVER:
             self.rotors.restart(time)
 
     def _hover(self, time: int) -> None:
-        self.state = State.HOVER
+        self.state = VtolState.HOVER
         self.rotors.restart(time)
 
     def _fail(self, time: int) -> None:
@@ -189,28 +173,28 @@ class VtolPilot:
         self._hover(time)
 
     def _end_on_ground(self, time: int) -> None:
-        if self.state is State.TO_HOVER:
+        if self.state is VtolState.TO_HOVER:
             self._hover(time)
         else:
-            self.state = State.FORWARD
+            self.state = VtolState.FORWARD
 
     def _follow(self, time: int) -> None:
         """Begin and end transitions."""
         self._now = time
         seconds = (time - self._begin) / 1e6
-        if self.state is State.TO_FORWARD:
+        if self.state is VtolState.TO_FORWARD:
             sunk = self._flight.position[2] - self._height > self._parameters["VT_QC_T_ALT_LOSS"]
             if self._has_speed(seconds):
-                self.state = State.FORWARD
+                self.state = VtolState.FORWARD
             elif sunk or seconds >= self._parameters["VT_TRANS_TIMEOUT"]:
                 self._fail(time)
-        elif self.state is State.TO_HOVER:
+        elif self.state is VtolState.TO_HOVER:
             if self._is_slow(seconds) or seconds >= self._parameters["VT_B_TRANS_DUR"]:
                 self._hover(time)
         elif self._wants_hover():
-            self._start(State.TO_HOVER, time)
-        elif self._mode == VTOL_TAKEOFF and self.state is State.HOVER and self.rotors.is_done(is_landed=False):
-            self._start(State.TO_FORWARD, time)
+            self._start(VtolState.TO_HOVER, time)
+        elif self._mode == VTOL_TAKEOFF and self.state is VtolState.HOVER and self.rotors.is_done(is_landed=False):
+            self._start(VtolState.TO_FORWARD, time)
 
     def _has_speed(self, seconds: float) -> bool:
         if self._flight.is_tailsitter:
@@ -227,7 +211,7 @@ class VtolPilot:
 
     def _wants_hover(self) -> bool:
         """Whether a landing or a return hovers from here on."""
-        if self.state is not State.FORWARD or self._flight.is_on_ground:
+        if self.state is not VtolState.FORWARD or self._flight.is_on_ground:
             return False
         x, y, z = self._flight.position
         distance = math.hypot(x - self.home[0], y - self.home[1]) - self._parameters["NAV_LOITER_RAD"]
@@ -242,15 +226,15 @@ class VtolPilot:
         self._flight.push = 0.0
         if self._flight.is_tailsitter:
             self._lean()
-        if self.state is State.FORWARD:
+        if self.state is VtolState.FORWARD:
             self._fall(time)
             return None if self._flight.is_overturned else self.wings.target(time, controls)
-        if self.state is State.HOVER:
+        if self.state is VtolState.HOVER:
             return self.rotors.target(time, controls)
         return self._between(time, controls)
 
     def _lean(self) -> None:
-        is_forward = self.state in {State.TO_FORWARD, State.FORWARD}
+        is_forward = self.state in {VtolState.TO_FORWARD, VtolState.FORWARD}
         seconds = self._parameters["VT_F_TRANS_DUR" if is_forward else "VT_B_TRANS_DUR"]
         self._flight.nose_rate = math.radians(_QUARTER if is_forward else -_QUARTER) / seconds
 
@@ -276,7 +260,7 @@ class VtolPilot:
         wing, rotors = self.wings.target(time, controls), self.rotors.target(time, controls)
         if wing is None or rotors is None:
             return None
-        flight, is_forward = self._flight, self.state is State.TO_FORWARD
+        flight, is_forward = self._flight, self.state is VtolState.TO_FORWARD
         if is_forward and (self._pushes_in_modes or self._mode not in EXTERNAL):
             most = _LEAN if flight.is_tailsitter else _PUSH
             flight.push = most * min(1.0, (time - self._begin) / 1e6 / _PUSH_TIME)
@@ -289,4 +273,4 @@ class VtolPilot:
             pull = rotors.acceleration[:2]
             pull = (0.0, 0.0) if any(map(math.isnan, pull)) else pull
         turn = wing.course if is_forward else flight.yaw
-        return Target((NAN, NAN, down), (NAN, NAN, climb), (*pull, NAN), yaw=turn, turn=0.5)
+        return Target((NAN, NAN, down), (NAN, NAN, climb), (*pull, NAN), yaw=turn, turn=0.3)

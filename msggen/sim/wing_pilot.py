@@ -11,7 +11,6 @@ from typing import Any
 
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
-from msggen.messages.vehicle_types import FIXED_WING
 from msggen.sim.attitude import Vector, angles_of
 from msggen.sim.autopilot import POSITION
 from msggen.sim.commander.setpoint_types import ALL, Controls
@@ -37,7 +36,6 @@ _NEAR = 1.0
 class WingPilot:
     """Flies the mode of the commander. As in PX4, the last setpoint is flown for ever, whoever has written it."""
 
-    vehicle_type = FIXED_WING
     controls_position = is_led = False
 
     def __init__(self, flight: Wings, setpoints: Setpoints, parameters: Mapping[str, float]) -> None:

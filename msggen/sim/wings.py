@@ -31,10 +31,10 @@ _CLIMB_LAG = 1.0
 _AIRSPEED_SLEW = 1.0
 """How fast the airspeed setpoint changes, in m/s^2."""
 _ANGLE_OF_ATTACK = math.radians(3.0)
-_RUNWAY, _BRAKES = 4.3, 2.0
+_RUNWAY, _BRAKES = 5.0, 2.0
 """The acceleration on the runway, as captured from PX4's simulator, and the deceleration of a rollout."""
-ROTATION = 1.25
-"""The airspeed at which the aircraft leaves the runway, as a multiple of FW_AIRSPD_MIN."""
+_ROTATION = 4.2
+"""How much faster than FW_AIRSPD_MIN the aircraft is in m/s when it leaves the runway, as captured."""
 _PITCH_TIME = 0.5
 """The time in s in which the pitch angle follows a setpoint of attitude."""
 _LOWEST = 1e-3
@@ -199,7 +199,7 @@ class Wings(Flight):
         along = self.wind[0] * math.cos(self.yaw) + self.wind[1] * math.sin(self.yaw)
         speed = max(0.0, self._speed + along + (_RUNWAY if target.takes_off else -_BRAKES) * seconds)
         self._speed = speed - along
-        if target.takes_off and self._speed >= ROTATION * self.least:
+        if target.takes_off and self._speed >= self.least + _ROTATION:
             self.is_on_ground = False
             self._setpoint = self._speed
             self._slip()
@@ -273,7 +273,8 @@ class Wings(Flight):
             wanted = self._speed * math.sin(target.pitch - _ANGLE_OF_ATTACK)
             wanted, lag = max(-MAX_SINK, min(MAX_CLIMB, wanted)), _PITCH_TIME
         elif not isnan(target.height_rate):
-            wanted, lag = max(-MAX_SINK, min(MAX_CLIMB, target.height_rate)), _CLIMB_LAG
+            wanted = max(-MAX_SINK, min(MAX_CLIMB, target.height_rate))
+            lag = _PITCH_TIME if target.takes_off else _CLIMB_LAG
         elif not isnan(target.down):
             rate = (self.position[2] - target.down) / _ALTITUDE_TIME
             wanted, lag = max(-min(MAX_SINK, target.sink), min(MAX_CLIMB, target.climb, rate)), _CLIMB_LAG

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from msggen.messages.nav_states import MODE_NAMES
+from msggen.messages.vehicle_types import VtolState
 from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.battery import Battery
 from msggen.sim.commander.commander import LOOP, Commander
@@ -25,7 +26,7 @@ from msggen.sim.models import model_of
 from msggen.sim.parameters import PARAMETERS
 from msggen.sim.places import Home
 from msggen.sim.setpoints import Setpoints
-from msggen.sim.vtol_pilot import State, VtolPilot
+from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wheels import Drive
 from msggen.sim.wings import Wing, Wings
 
@@ -36,6 +37,9 @@ STEP = 4_000
 _MOST_STEPS = 2_500
 """The number of steps after which the rest of a long pause is skipped: 10 s."""
 _IDLE_THRUST = 0.2
+_NEAR_HOME = 1.0
+"""The distance in m by which home can be off while the vehicle is disarmed."""
+_RANGE_HEIGHT, _RANGE_SPEED = 5.0, 1.0
 _LOSS, _GAIN = 5_200_000, 1_270_000
 """The time in us after which the position is lost without GPS, and known again with it."""
 
@@ -131,7 +135,7 @@ class World:
             self.position_resets += self.has_position
         self.has_origin |= has_gps and self.has_position
         self.autopilot.has_position = self.has_position
-        self.commander.vehicle_type = self.autopilot.vehicle_type
+        self.commander.vtol_state = self.vtol_state
         self.has_home |= self.has_position and self.has_origin
 
     def _fly(self, seconds: float) -> None:
@@ -151,17 +155,18 @@ class World:
         armed = commander.armed_time if commander.is_armed else None
         self.landing.look(Now(self.time, armed, commander.mode, is_led))
         self._setpoint = target
-        if isinstance(autopilot, VtolPilot) and autopilot.is_overturned:
-            commander.crash()
 
     def _follow_home(self) -> None:
-        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
+        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN.
+
+        While it is disarmed, home follows it, as when a rover rolls on.
+        """
         rests = not self.commander.is_armed, self.landing.landed
-        if rests == self._rests:
-            return
-        before, self._rests = self._rests, rests
-        self.control_changes += before[1] != self._rests[1]
-        begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
+        begins = all(rests) and math.dist(self.flight.position, self.autopilot.home) > _NEAR_HOME
+        if rests != self._rests:
+            before, self._rests = self._rests, rests
+            self.control_changes += before[1] != self._rests[1]
+            begins |= any(was and not still for was, still in zip(before, self._rests, strict=True))
         if begins and self.has_global and not self._is_manual_home and not self.commander.keeps_home:
             self.set_home(self.place)
 
@@ -180,6 +185,7 @@ class World:
             ground_station=self.has_ground_station,
             battery=self.battery.warning,
             wings_failed=isinstance(self.autopilot, VtolPilot) and self.autopilot.has_failed,
+            has_fallen=isinstance(self.autopilot, VtolPilot) and self.autopilot.is_overturned,
             is_landed=self.landing.landed,
             is_done=self.autopilot.is_done(is_landed=self.landing.landed),
         )
@@ -190,9 +196,17 @@ class World:
     # State
 
     @property
-    def vtol_state(self) -> State | None:
+    def vtol_state(self) -> VtolState | None:
         """Whether a VTOL hovers or flies by its wings, None for another vehicle."""
         return self.autopilot.state if isinstance(self.autopilot, VtolPilot) else None
+
+    @property
+    def uses_range(self) -> bool:
+        """Whether the range finder tells the height: while the vehicle is slow and low, EKF2_RNG_A_VMAX and _HMAX."""
+        flight = self.flight
+        north, east, _ = flight.velocity
+        is_low = flight.ground - flight.position[2] < _RANGE_HEIGHT
+        return is_low and north * north + east * east < _RANGE_SPEED * _RANGE_SPEED
 
     @property
     def has_flown_by_wings(self) -> bool:

@@ -223,6 +223,29 @@ def test_a_check_that_was_removed_in_flight_is_registered_again_after_landing(ty
     fly(types, program)
 
 
+def test_an_id_that_the_vehicle_has_given_to_another_program_is_not_answered_for(types: Any) -> None:
+    """PX4 has removed the check while its program was silent, and takes the replies of both for those of the other."""
+    vehicle = Flown(types)
+
+    async def main() -> None:
+        await asyncio.sleep(1.0)
+        async with Flight(vehicle) as silent, Flight(vehicle) as flight:
+            await silent.add(Doors)
+            vehicle.lost = {"arming_check_reply"}
+            await vehicle.until(lambda: not checks(vehicle), 2.0)
+            vehicle.lost = set()
+            await flight.add(Short)
+            assert vehicle.world.commander.components.modes[EXTERNAL].check == 0
+            await vehicle.until(lambda: checks(vehicle) == 1, 4.0)
+            await asyncio.sleep(2.0)
+            registered = vehicle.world.commander.checks.registered
+            assert {number: each.mode for number, each in registered.items()} == {0: EXTERNAL, 1: -1}
+            latest = {each.registration_id: each.can_arm_and_run for each in replies(vehicle)[-4:]}
+            assert latest == {0: True, 1: False}
+
+    run(main(), vehicle)
+
+
 class Remembering(Flight):
     """Notes its ids as a flight on a link does, and can be killed."""
 

@@ -28,6 +28,7 @@ from msggen.flight import (
 from msggen.flight.link import _WAITING, LinkConnection, _Inbox
 from msggen.generate.cache import package_from, package_of
 from msggen.link.udp import UdpLink
+from msggen.link.xrce.client_entities import Sync
 from msggen.live import Vehicle
 from msggen.sim import Misbehaviour, Simulator
 from msggen.sim.commander.components import Registration
@@ -131,6 +132,28 @@ def test_a_flight_over_a_link_that_another_process_owns(url: str, px4_types: Any
         assert asyncio.run(hops(Flight(vehicle))) == ["takeoff", "hop", "landed"]
         until(lambda: not commander(simulator).components.modes, LONG)
         assert vehicle.is_connected, "a flight closes only a Vehicle of its own"
+
+
+@by_day("sync", ["short", "off"], 2)
+def test_measurements_are_fused_over_a_link(sync: Sync, url: str, px4_types: Any) -> None:
+    """By UTC, and by times since boot if the clocks are not synchronized."""
+
+    async def see(flight: Flight) -> None:
+        while True:
+            flight.measure.local(position=(3.0, 0.0, 0.0), variance=0.01, time=flight.measure.time - 20_000)
+            await asyncio.sleep(0.03)
+
+    async def measures() -> bool:
+        async with Flight(url, px4_types, key=1) as flight:
+            camera = asyncio.ensure_future(see(flight))
+            await flight.measure.fused(PATIENCE)
+            camera.cancel()
+            return flight.measure.time > 10**15
+
+    options = CALM._replace(sync=sync, parameters={"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0})
+    with simulated(px4_types, url, options) as simulator:
+        assert asyncio.run(measures()) == (sync == "short")
+        assert simulator.vehicles[0].world.flight.position[0] == 3.0
 
 
 @pytest.mark.usefixtures("owned")

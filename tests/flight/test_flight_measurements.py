@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
+import time
 from collections.abc import Callable
-from typing import Any, get_args
+from types import SimpleNamespace
+from typing import Any, NamedTuple, get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import msggen.flight
 from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPlace, NotFusedError, UnsupportedError
-from msggen.flight.measurements import AXES, Source
-from msggen.messages.measurements import LOCAL, PARTS, SOURCES
+from msggen.flight.measured import AXES, Source
+from msggen.flight.measurements import Measurements
+from msggen.flight.pytest import SimVehicle
+from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, SOURCES
 from msggen.sim import Options
 from msggen.sim.attitude import product
-from support.flown import Flown, fly
+from support.flown import Flown, Line, fly
+from support.repository import ROOT
 
 pytest_plugins = ["support.flight_releases"]
 
@@ -232,27 +239,32 @@ def _turned(q: Any, vector: Any) -> Any:
     return product(product(q, (0.0, *vector)), (w, -x, -y, -z))[1:]
 
 
-def test_frames_are_those_of_the_package(px4_types: Any) -> None:
-    """The attitude and the place are those that the generated package converts."""
-    q = (0.8, 0.2, -0.4, math.sqrt(0.16))
+@given(NUMBERS, UNITS)
+def test_frames_are_those_of_the_package(px4_types: Any, vector: Any, q: Any) -> None:
+    frames = px4_types.frames
+    length = math.hypot(*q)
+    unit: Any = tuple(each / length for each in q)
+    assert AXES["enu"].vector(vector) == frames.enu_to_ned(vector)
+    assert AXES["flu"].vector(vector) == frames.flu_to_frd(vector)
+    assert AXES["enu"].attitude(unit) == pytest.approx(frames.ros_to_px4_orientation(unit), abs=1e-12)
+    assert AXES["flu"].attitude(unit) == pytest.approx(frames.local_frd_to_flu_orientation(unit), abs=1e-12)
+
+
+def test_what_is_sent_is_converted(px4_types: Any) -> None:
     (message,) = sent_by(
         px4_types,
         lambda flight: flight.measure.local(
-            position=(1.0, 2.0, 3.0), variance=(0.1, 0.2, 0.3), attitude=q, attitude_variance=0.1, frame="enu"
+            position=(1.0, 2.0, 3.0),
+            variance=(0.1, 0.2, 0.3),
+            **MOVING | {"velocity": (4.0, 5.0, 6.0)},
+            **LEVEL,
+            frame="enu",
+            velocity_frame="body_flu",
         ),
     )
-    assert message.position == (2.0, 1.0, -3.0)
+    assert (message.position, message.velocity) == ((2.0, 1.0, -3.0), (4.0, -5.0, -6.0))
     assert message.position_variance == pytest.approx((0.2, 0.1, 0.3))
-    w, x, y, z = message.q
-    half = math.sqrt(0.5)
-    assert (w, x, y, z) == pytest.approx(
-        (half * (q[0] + q[3]), half * (q[1] + q[2]), half * (q[1] - q[2]), half * (q[0] - q[3]))
-    )
-    east = (1.0, 0.0, 0.0, 0.0)
-    (message,) = sent_by(
-        px4_types, lambda flight: flight.measure.local(attitude=east, attitude_variance=0.1, frame="enu")
-    )
-    assert message.q == pytest.approx((half, 0.0, 0.0, half))
+    assert message.q == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))  # it looks to the east
 
 
 # Times
@@ -276,11 +288,13 @@ def test_times_that_ekf2_would_not_use_are_left_out(types: Any, caplog: pytest.L
     ]
 
 
-def test_a_time_of_another_clock_is_an_error(px4_types: Any) -> None:
+def test_a_time_of_another_clock_is_an_error(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msggen.flight.measurements._OTHER_CLOCK", 2.0)
+
     async def program(flight: Flight, vehicle: Flown) -> int:
-        await asyncio.sleep(62.0)
+        await asyncio.sleep(3.0)
         before = len(vehicle.sent)
-        for change, problem in ((500_000, "0.5 s in the future"), (-62_000_000, "62 s old, by another clock or in")):
+        for change, problem in ((500_000, "0.5 s in the future"), (-3_000_000, "3 s old, by another clock or in")):
             with pytest.raises(ValueError, match=problem):
                 flight.measure.local(**HERE, time=flight.measure.time + change)
         with pytest.raises(TypeError, match="expected `time` in whole us"):
@@ -288,6 +302,21 @@ def test_a_time_of_another_clock_is_an_error(px4_types: Any) -> None:
         return len(vehicle.sent) - before
 
     assert fly(px4_types, program, INDOORS) == 0
+
+
+def test_a_clock_that_goes_back_is_followed(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As that of a vehicle that restarts, while clocks are not synchronized."""
+
+    async def program(flight: Flight, vehicle: Flown) -> list[bool]:
+        for now in (90_000_000, 90_050_000, 1_000_000, 1_050_000):
+            monkeypatch.setattr(Measurements, "time", now)
+            found.append(flight.measure.local(**HERE, reset=now == 90_050_000))
+        counters = [each.message.reset_counter for each in vehicle.sent if each.topic == LOCAL]
+        assert counters == [0, 1, 1, 1]
+        return found
+
+    found: list[bool] = []
+    assert fly(px4_types, program, INDOORS) == [True] * 4
 
 
 def test_nothing_is_sent_that_waited(px4_types: Any) -> None:
@@ -325,6 +354,31 @@ def test_the_parameter_is_named(types: Any) -> None:
         "attitude": True,
     }
     assert found["position"] == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_a_firmware_without_places_on_earth_takes_local_ones(px4_types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> str:
+        del flight.measure._topics._endpoints["in", GLOBAL]
+        with pytest.raises(UnsupportedError, match="does not bridge /fmu/in/aux_global_position"):
+            flight.measure.on_earth(**EARTH)
+        await while_sending(lambda: flight.measure.local(**HERE), 2.0)
+        return flight.measure.state[0].reason
+
+    assert fly(px4_types, program) == "the bit 1 of EKF2_EV_CTRL (position) is probably not set"
+
+
+def test_times_are_those_of_the_clock_that_the_vehicle_follows(px4_types: Any) -> None:
+    """UTC if the clocks are synchronized, else the time since boot."""
+
+    class Heard(NamedTuple):
+        latest: Any
+        age: float = 0.25
+
+    connection: Any = SimpleNamespace(package=px4_types)
+    for stamp in (5_000_000, 1_790_000_000_000_000):
+        feeds: Any = {"vehicle_local_position": Heard(SimpleNamespace(timestamp=stamp))}
+        found = Measurements(connection, feeds).time
+        assert found == 5_250_000 if stamp == 5_000_000 else abs(found - time.time_ns() // 1000) < 10**7
 
 
 def test_the_parameters_of_places_on_earth_are_those_of_the_release(types: Any) -> None:
@@ -426,9 +480,11 @@ def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -
         await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
         await flight.measure.fused()
         await vehicle.in_air(flight, 3.0)
-        async with flight.offboard() as setpoint:
-            await setpoint.goto((2.0, 0.0, -3.0))
-            assert math.dist(vehicle.world.flight.position, (2.0, 0.0, -3.0)) < 0.5
+        north, east, down = vehicle.world.flight.position
+        await asyncio.sleep(PERIOD / 2)
+        assert flight.measure.local(position=(north + 10.0, east, down), variance=0.01, reset=True)
+        await asyncio.sleep(1.0)
+        assert math.dist(vehicle.world.flight.position, (north + 10.0, east, down)) < 0.5, "it holds where it is"
         eyes.cancel()
         assert 4.0 < await vehicle.until(lambda: not vehicle.world.has_position, 6.0) < 5.0
         await vehicle.until(lambda: vehicle.world.mode == 12, 1.0)
@@ -436,10 +492,34 @@ def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -
     fly(types, program, INDOORS)
 
 
+def test_a_program_that_flies_and_measures_and_dies(types: Any) -> None:
+    """The vehicle returns as after the death of each program, and descends when it has lost its position."""
+
+    async def program(flight: Flight, vehicle: Flown) -> list[tuple[str, float]]:
+        eyes = asyncio.ensure_future(
+            repeat(lambda: flight.measure.local(position=vehicle.world.flight.position, variance=0.01))
+        )
+        await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
+        await flight.measure.fused()
+        await flight.add(Line)
+        await vehicle.in_air(flight, 3.0)
+        await flight.set_mode(Line)
+        await asyncio.sleep(1.0)
+        vehicle.loss, begin, found = 1.0, vehicle.time, []
+        for mode in (5, 12):
+            await vehicle.until(lambda mode=mode: vehicle.world.mode == mode, 6.0)  # type: ignore[misc]
+            found.append((vehicle.world.mode_name, (vehicle.time - begin) / 1e6))
+        eyes.cancel()
+        return found
+
+    (first, after), (last, lost) = fly(types, program, INDOORS)
+    assert (first, last) == ("return", "descend")
+    assert 0.5 < after < 1.5
+    assert 4.0 < lost < 5.2
+
+
 def test_programs_without_asyncio_measure_too(px4_types: Any) -> None:
-    vehicle = Flown(px4_types, INDOORS)
-    vehicle.new_loop = lambda: _loop(vehicle)  # type: ignore[attr-defined]
-    with BlockingFlight(vehicle) as flight:
+    with BlockingFlight(SimVehicle(px4_types, INDOORS)) as flight:
         for _ in range(20):
             assert flight.measure.local(**HERE, time=flight.measure.time)
             flight.sleep(PERIOD)
@@ -449,10 +529,16 @@ def test_programs_without_asyncio_measure_too(px4_types: Any) -> None:
             flight.measure.local(**HERE, frame="nde")  # type: ignore[arg-type]
 
 
-def _loop(vehicle: Flown) -> Any:
-    from msggen.sim.loop import SimulatedLoop
-
-    return SimulatedLoop([vehicle], vehicle.time)
+def test_the_program_without_asyncio_on_the_page(
+    px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its fence differs from those of the other programs, which need an event loop."""
+    page = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
+    ((code, shown),) = re.findall(r"^```py\n(.*?)^```\n\n```text\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    vehicle = SimVehicle(px4_types, INDOORS)
+    monkeypatch.setattr(msggen.flight, "BlockingFlight", lambda _, types: BlockingFlight(vehicle, types))
+    exec(code, {})  # noqa: S102 - the code of the page
+    assert capsys.readouterr().out == shown
 
 
 # Lists

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from msggen.base.diagnostics import Diagnostic, InputError
 from msggen.flight.errors import FlightError
-from msggen.flight.missions import ActionItem, Mission, Plan, Settings, Waypoint, parse_mission, read_mission
+from msggen.flight.missions import Action, ActionItem, Mission, Plan, Settings, Waypoint, parse_mission, read_mission
 from msggen.flight.missions.built_in import BUILT_IN
 from msggen.flight.missions.expected import ARGUMENTS
 from msggen.flight.missions.located import BrokenError, read
@@ -81,7 +81,7 @@ def text_of(*items: object, **more: object) -> str:
 def told(text: str, actions: Sequence[str] = ()) -> list[str]:
     """Return what is wrong in a text, without the path."""
     try:
-        found: Sequence[Diagnostic] = parse_mission(text, "m", actions).warnings
+        found: Sequence[Diagnostic] = parse_mission(text, "m", dict.fromkeys(actions, True)).warnings
     except InputError as error:
         found = [*error.diagnostics, *error.notices]
     return [str(each).removeprefix("m:") for each in found]
@@ -89,7 +89,7 @@ def told(text: str, actions: Sequence[str] = ()) -> list[str]:
 
 def test_json() -> None:
     """Reading and writing gives the same text, also unknown keys of actions and ids."""
-    plan, warnings = parse_mission(LIKE_THE_LIBRARY, "m", ["custom_action"])
+    plan, warnings = parse_mission(LIKE_THE_LIBRARY, "m", {"custom_action": True})
     assert not warnings
     assert plan.dump() == LIKE_THE_LIBRARY
     assert plan.defaults == Settings(12.5, 3.0, 60.000003814697266)
@@ -137,7 +137,7 @@ WRONG = {
     "F105 warning: unknown key 'duratoin' of 'hold', did you mean 'duration'?": text_of(
         {"type": "hold", "duratoin": 3}
     ),
-    "F105 warning: unknown key 'item' of the mission, did you mean 'items'?": text_of({"type": "rtl"}, item=3),
+    "1:56: F105 warning: unknown key 'item' of the mission, did you mean 'items'?": text_of({"type": "rtl"}, item=3),
     "F106 warning: id 'a' is that of the item on line 1, too": text_of(
         {"type": "rtl", "id": "a"}, {"type": "land", "id": "a"}
     ),
@@ -204,9 +204,9 @@ JSON = st.recursive(
 )
 NUMBERS = st.floats(-1e6, 1e6)
 WAYPOINTS = st.builds(Waypoint, st.builds(GlobalPlace, st.floats(-90, 90), st.floats(-180, 180), NUMBERS), NAMES)
-OWN = ("takePhoto", "drop")
+OWN = {"takePhoto": True, "drop": True}
 GIVEN = st.dictionaries(NAMES.filter(lambda name: name not in {"type", "id"}), JSON, max_size=3)
-ACTIONS = st.builds(ActionItem, st.sampled_from(OWN), GIVEN, NAMES) | st.sampled_from(
+ACTIONS = st.builds(ActionItem, st.sampled_from([*OWN]), GIVEN, NAMES) | st.sampled_from(
     [ActionItem("takeoff", {"altitude": 500.0}), ActionItem("land"), ActionItem("rtl"), ActionItem("hold")]
 )
 SPEEDS = st.none() | st.floats(0.01, 100.0)
@@ -265,9 +265,18 @@ def test_the_command_reports_the_errors_of_all_files(tmp_path: Path, monkeypatch
 # missions without a vehicle
 
 
+def test_a_plan_of_a_program_is_checked_as_its_file() -> None:
+    with pytest.raises(InputError, match="'horizontalVelocity': expected a number above 0, got -3"):
+        Mission(Plan((ActionItem("changeSettings", {"horizontalVelocity": -3.0}),)))
+    with pytest.raises(InputError, match="the mission has no items"):
+        Mission(Plan(()))
+    with pytest.raises(TypeError, match="action 'drop': expected an `async def` function or an object of Action"):
+        Mission(Plan((ActionItem("rtl"),)), actions={"drop": Action})  # type: ignore[dict-item]
+
+
 def test_unknown_actions_of_a_plan_are_refused() -> None:
-    with pytest.raises(InputError, match=r"item 1: F103 unknown action 'takePhot', did you mean 'takePhoto'?"):
-        Mission(Plan((ActionItem("rtl"), ActionItem("takePhot"))), actions={"takePhoto": _nothing})
+    with pytest.raises(InputError, match=r"mission N:9:25: F103 unknown action 'takePhot', did you mean 'takePhoto'?"):
+        Mission(Plan((ActionItem("rtl"), ActionItem("takePhot"))), name="N", actions={"takePhoto": _nothing})
     with pytest.raises(InputError, match="F103 unknown action 'hold'"):
         Mission(Plan((ActionItem("hold"),)), actions={"hold": None})
 
@@ -359,7 +368,7 @@ def test_an_index_beyond_the_mission_is_discarded(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     mission = Mission(PLAN, state=tmp_path / "missing" / "m.state")
     (tmp_path / "missing").write_bytes(b"")
-    for index in (0, 1):
+    for index in (0, 1, 0):
         mission._progress.index = index
     with pytest.raises(FlightError):
         Mission(PLAN, state=tmp_path / "missing" / "m.state")

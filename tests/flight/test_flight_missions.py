@@ -7,10 +7,12 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from msggen.flight.blocking import BlockingFlight
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
@@ -25,8 +27,11 @@ from msggen.flight.missions import (
     Settings,
     Waypoint,
 )
+from msggen.flight.missions.legs import _is_due
 from msggen.flight.missions.plan import RESUMING, Item
 from msggen.flight.places import GlobalPlace
+from msggen.flight.pytest import SimVehicle
+from msggen.flight.space import Vector
 from msggen.messages import commands, earth
 from msggen.sim.loop import run
 from msggen.sim.places import Home
@@ -484,6 +489,7 @@ def test_failure_default(types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(MissionError, match="no action 'nonExistentAction'") as caught:
             await flying
         assert (caught.value.reason, caught.value.index, mission.index) == ("actionDoesNotExist", 1, 1)
+        assert str(caught.value).startswith("there is no action")
         await asyncio.sleep(3.0)
 
     fly(types, program)
@@ -511,8 +517,18 @@ def test_failure_invalid_handler(types: Any) -> None:
         assert [each.is_valid for each in handlers] == [False, True]
         with pytest.raises(FlightError, match="this action has ended"):
             await handlers[0].fly_to([at(1.0).place])
+        calls: tuple[Callable[[Handler], object], ...] = (
+            lambda handler: handler.vehicle,
+            lambda handler: handler.store("fails", {}),
+            lambda handler: handler.forget("fails"),
+            lambda handler: setattr(handler, "index", 0),
+            lambda handler: setattr(handler, "settings", Settings()),
+        )
         with pytest.raises(FlightError, match="this action has ended"):
-            await handlers[0].vehicle.return_home()
+            await handlers[0].run_action("land")
+        for call in calls:
+            with pytest.raises(FlightError, match="this action has ended"):
+                call(handlers[0])
         vehicle.choose(HOLD)
         with pytest.raises(FlightError):
             await flying
@@ -643,6 +659,7 @@ def test_an_action_that_raises_fails_the_mission(types: Any) -> None:
         assert len([each for each in sent if each.command == commands.RETURN]) == 1
 
     fly(types, program)
+    assert ended.count("breaks") == 2  # before `onFailure`, and at the end
     assert "an action of mission 'Mission' has failed" in ended
     assert "`deactivate` of action 'breaks' has failed" in ended
 
@@ -754,6 +771,61 @@ def test_an_action_can_repeat_a_part_of_the_mission(types: Any) -> None:
 
     fly(types, program)
     assert indices == [0, 1, 2, 0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("place", "heading", "is_due"),
+    [
+        ((0.0, 0.0, 0.0), 0.0, False),
+        ((0.0, 0.2, 0.0), 0.0, False),
+        ((0.0, 0.6, 0.0), 0.0, True),
+        ((8.5, 0.0, 0.0), 0.0, True),
+        ((9.95, 0.0, 9.0), None, False),
+        ((9.95, 0.0, 9.0), 0.0, True),
+        ((9.95, 0.0, 1.0), None, True),
+        ((0.0, 0.0, 0.0), None, True),
+    ],
+)
+def test_a_vehicle_is_turned_when_the_waypoint_is_elsewhere(
+    place: tuple[float, float, float],
+    heading: float | None,
+    is_due: bool,  # noqa: FBT001
+) -> None:
+    """A waypoint 10 m north: near it, or 3 degrees off the heading. Above or below it, there is no heading."""
+    estimate = SimpleNamespace(**dict(zip("xyz", place, strict=True)))
+    assert _is_due(Vector(10.0, 0.0, 0.0), 2.0, heading, estimate) is is_due
+
+
+def test_a_mission_holds_for_a_time(types: Any) -> None:
+    times: list[float] = []
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        def note(_: int) -> None:
+            times.append(vehicle.time / 1e6)
+
+        plan = Plan((TAKE_OFF, ActionItem("hold", {"duration": 3.0}), ActionItem("hold"), ActionItem("land")))
+        mission = Mission(plan, on_progress=note)
+        await flight.add(mission)
+        await flight.arm()
+        flying = asyncio.ensure_future(flight.fly(mission))
+        await vehicle.until(lambda: len(times) == 2, 20.0)
+        await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)
+        await flying
+
+    fly(types, program)
+    _, first, second, end, _ = times
+    assert 3.0 <= second - first < 3.5
+    assert 1.0 <= end - second < 1.5
+
+
+def test_a_program_without_asyncio_flies_a_mission(px4_types: Any) -> None:
+    mission = Mission(Plan((TAKE_OFF, ActionItem("nothing"), ActionItem("land"))), actions={"nothing": nothing})
+    vehicle = SimVehicle(px4_types)
+    with BlockingFlight(vehicle) as flight:
+        flight.add(mission)
+        flight.arm()
+        flight.fly(mission)
+        assert vehicle.world.is_landed
 
 
 @pytest.mark.parametrize(("altitude", "error"), [(math.nan, "finite"), (400.0, "above the ground, which is at 488 m")])

@@ -261,9 +261,44 @@ def test_package(sim_vehicle):
     run(tests).assert_outcomes(passed=5)
 
 
+def test_a_vehicle_without_gps_takes_measurements(run: Run) -> None:
+    tests = """
+import asyncio
+
+@pytest.mark.sim_vehicle(parameters={"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0})
+def test_it(sim_vehicle):
+    async def program(flight):
+        for _ in range(20):
+            flight.measure.local(position=(0.0, 0.0, 0.0), variance=0.01)
+            await asyncio.sleep(0.05)
+        assert [each.is_fused for each in flight.measure.state] == [True, True]
+
+    sim_vehicle.run(program)
+"""
+    run(tests).assert_outcomes(passed=1)
+
+
+def test_a_vehicle_is_of_the_kind_that_is_asked_for(run: Run, pytester: pytest.Pytester) -> None:
+    tests = """
+@pytest.mark.sim_vehicle(vehicle="plane", parameters={"FW_AIRSPD_TRIM": 13})
+async def test_kinds(sim_vehicle, new_sim_vehicle):
+    world = sim_vehicle.world
+    assert world.command(22, [float("nan")] * 7) == world.command(400, [1.0] + [0.0] * 6) == 0
+    await sim_vehicle.until(lambda: sim_vehicle.modes[-2:] == ["takeoff", "hold"])
+    await asyncio.sleep(15.0)
+    assert world.flight.airspeed == pytest.approx(13.0, abs=0.5)
+    assert new_sim_vehicle(vehicle="rover").world.commander.vehicle_type == 3
+"""
+    run(tests, "--flight-recordings", "kept").assert_outcomes(passed=1)
+    with recordings.open(str(pytester.path / "kept" / "test_it-test_kinds.ulg")) as log:
+        assert (log.parameters["FW_AIRSPD_TRIM"], log.parameters["RTL_TYPE"]) == (13.0, 1.0)
+        assert {"airspeed_validated", "wind"} <= {each.name for each in log.topics}
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
+        ("vehicle='plain'", "*no vehicle 'plain', did you mean 'plane'*"),
         ("parameter={}", "unknown option 'parameter' of a simulated vehicle, expected one of types, limit, key*"),
         ("'v1.17'", "*the marker sim_vehicle takes its options by name*"),
         ("parameters={'COM_NONE': 1}", "unknown parameter 'COM_NONE' of a simulated vehicle, expected one of COM_*"),

@@ -164,7 +164,7 @@ def test_until_waits(px4_types: Any) -> None:
         return first, vehicle.mode
 
     seconds, mode = vehicle.run(program)
-    assert 9.0 < seconds < 11.0
+    assert 10.9 < seconds < 11.1
     assert mode == "hold"
 
 

@@ -14,8 +14,8 @@ from msggen.flight.mode import Mode
 from msggen.flight.vtol import KNOWN, TRANSITION
 from msggen.messages.commands import VTOL_TRANSITION
 from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY
+from msggen.messages.vehicle_types import VtolState
 from msggen.sim import Options
-from msggen.sim.vtol_pilot import State
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly
 
@@ -36,11 +36,11 @@ def has_wings(types: Any) -> bool:
     return any(each.uorb_topic == _LATERAL and each.direction == "in" for each in types.topics.ENDPOINTS)
 
 
-def state(vehicle: Flown) -> State:
+def state(vehicle: Flown) -> VtolState:
     """Return the state of the vehicle."""
     found = vehicle.world.vtol_state
     assert found is not None
-    return State(found)
+    return VtolState(found)
 
 
 async def up(flight: Flight, vehicle: Flown, mode: Mode | type[Mode] | None = None) -> None:
@@ -61,11 +61,11 @@ def test_a_mode_flies_forward_and_back(types: Any, kind: str, takes_both: bool) 
         async def fly(self) -> None:
             following = self._own.feeds["vehicle_local_position"].call(lambda each: heights.append(-each.z))
             await self.to_fixed_wing()
-            assert state(found) == State.FORWARD
+            assert state(found) == VtolState.FORWARD
             following()
             await self.goto((150.0, 0.0, -25.0))
             await self.to_multicopter()
-            assert state(found) == State.HOVER
+            assert state(found) == VtolState.HOVER
             await self.goto((170.0, 0.0, -25.0))
 
     found: Any = None
@@ -100,13 +100,13 @@ def test_before_v1_17_a_vtol_changes_in_modes_of_px4(types: Any) -> None:
             wanted = "add fixed-wing to its `setpoints`"
         with pytest.raises(UnsupportedError, match=wanted):
             await flight.fly(Asks)
-        assert state(vehicle) == State.HOVER
+        assert state(vehicle) == VtolState.HOVER
         await flight.hold()
         await flight.to_fixed_wing()
-        assert state(vehicle) == State.FORWARD
+        assert state(vehicle) == VtolState.FORWARD
         await flight.to_fixed_wing()  # it is there already
         await flight.to_multicopter()
-        assert state(vehicle) == State.HOVER
+        assert state(vehicle) == VtolState.HOVER
 
     fly(types, program, VTOL)
 
@@ -185,7 +185,7 @@ def test_a_quad_chute_in_a_transition_is_told_and_the_mode_holds_its_place(px4_t
     async def program(flight: Flight, vehicle: Flown) -> None:
         await up(flight, vehicle, Falls)
         flying = asyncio.ensure_future(flight.fly(Falls))
-        await vehicle.until(lambda: vehicle.world.vtol_state == State.TO_FORWARD, 3.0)
+        await vehicle.until(lambda: vehicle.world.vtol_state == VtolState.TO_FORWARD, 3.0)
         await asyncio.sleep(0.5)
         await chute(vehicle)
         await flying
@@ -238,7 +238,7 @@ def test_what_a_vtol_does_not_follow_now_is_an_error(px4_types: Any) -> None:
         async def fly(self) -> None:
             self._try(lambda: self.fixed_wing(course_deg=0.0))
             going = asyncio.ensure_future(self.to_fixed_wing())
-            await vehicle_.until(lambda: vehicle_.world.vtol_state == State.TO_FORWARD, 3.0)
+            await vehicle_.until(lambda: vehicle_.world.vtol_state == VtolState.TO_FORWARD, 3.0)
             await asyncio.sleep(0.5)
             self._try(lambda: self.trajectory(velocity=(1.0, 0.0, 0.0)))
             with pytest.raises(FlightError, match="wait for the end, as `await self"):
@@ -282,7 +282,7 @@ def test_a_cancelled_change_is_completed_and_then_the_mode_holds(px4_types: Any)
     async def program(flight: Flight, vehicle: Flown) -> None:
         await up(flight, vehicle, Cancels)
         await flight.fly(Cancels)
-        assert state(vehicle) == State.FORWARD
+        assert state(vehicle) == VtolState.FORWARD
         here = vehicle.world.flight.position
         await asyncio.sleep(15.0)
         assert math.dist(vehicle.world.flight.position[:2], here[:2]) < 180.0

@@ -19,6 +19,7 @@ from typing import Any, ClassVar, NamedTuple
 from fuzz.payloads import targets
 from msggen.flight import ATTITUDE, Check, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
 from msggen.flight.executor import Start
+from msggen.flight.missions import Action, ActionItem, Arguments, Handler, Mission, Plan, Waypoint
 from msggen.messages.nav_states import EXTERNAL, OFFBOARD
 from msggen.sim import Options
 from msggen.sim.loop import SimulatedLoop, run
@@ -153,6 +154,55 @@ class Tours(Executor):
             await self.takeoff(6.0)
 
 
+class Tired(Action):
+    """An action of a mission that waits, flies, fails, or goes back."""
+
+    def __init__(self, chance: Random) -> None:
+        self.chance = chance
+
+    def problems(self, _: Arguments) -> tuple[str, ...]:
+        return ("too tired",) if self.chance.random() > 0.99 else ()
+
+    def stops(self, _: Arguments) -> bool:
+        return self.chance.random() < 0.5
+
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        chance = self.chance
+        handler.store("tired", {"again": True})
+        way = chance.randrange(7)
+        if way == 0:
+            raise PlannedError
+        if way == 1:
+            await handler.fly_to([_place(chance)], stop=False)
+        elif way == 2:
+            await handler.run_action(chance.choice(("hold", "nothing", "land")))
+        elif way == 3 and "again" not in arguments:
+            handler.index = 0
+        elif way == 4:
+            await handler.vehicle.set_mode(chance.choice(MODES))
+        await asyncio.sleep(chance.uniform(0, 2))
+
+    def deactivate(self) -> None:
+        if self.chance.random() < 0.05:
+            raise PlannedError
+
+
+def _mission(chance: Random) -> Mission:
+    items: dict[str, Callable[[], Waypoint | ActionItem]] = {
+        "waypoint": lambda: Waypoint(_place(chance)),
+        "takeoff": lambda: ActionItem("takeoff", chance.choice(({}, {"altitude": 495.0}))),
+        "hold": lambda: ActionItem("hold", {"duration": chance.uniform(0, 2)}),
+        "change": lambda: ActionItem("changeSettings", {"horizontalVelocity": chance.uniform(0.5, 5)}),
+        **{name: lambda name=name: ActionItem(name) for name in ("tired", "land", "rtl")},  # type: ignore[misc]
+    }
+    names = chance.choices([*items], [6, 3, 1, 1, 3, 1, 1], k=chance.randint(1, 7))
+    return Mission(Plan([items[name]() for name in names]), actions={"tired": Tired(chance)})
+
+
+def _place(chance: Random) -> GlobalPlace:
+    return GlobalPlace(47.3977 + chance.uniform(0, 2e-4), 8.5456, 500.0)
+
+
 async def _offboard(flight: Flight, chance: Random) -> None:
     async with flight.offboard(chance.choice(("ned", "enu"))) as setpoint:
         for _ in range(chance.randrange(3)):
@@ -170,7 +220,7 @@ async def _block(_: Flight, chance: Random) -> None:
 
 
 async def _goto(flight: Flight, chance: Random) -> None:
-    place = GlobalPlace(47.3977 + chance.uniform(0, 2e-4), 8.5456, 500.0)
+    place = _place(chance)
     await flight.goto(
         latitude=place.latitude, longitude=place.longitude, altitude=chance.choice((None, place.altitude))
     )
@@ -182,9 +232,10 @@ PROGRAM: dict[str, Callable[[Flight, Random], Coroutine[Any, Any, None]]] = {
     "take off": lambda flight, chance: flight.takeoff(chance.choice((None, 3.0, 10.0))),
     "land": lambda flight, _: flight.land(),
     "return": lambda flight, _: flight.return_home(),
-    "select": lambda flight, chance: flight.set_mode(chance.choice((*MODES, Wanders, Tours))),
+    "select": lambda flight, chance: flight.set_mode(chance.choice((*MODES, Wanders, Tours, Mission))),
     "wander": lambda flight, _: flight.fly(Wanders),
     "tour": lambda flight, _: flight.fly(Tours),
+    "mission": lambda flight, _: flight.fly(Mission),
     "offboard": _offboard,
     "goto": _goto,
     "hang": _block,
@@ -247,7 +298,7 @@ async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
         loop.call_later(seconds, WORLD[name], vehicle, value)
     with suppress(FlightError):
         async with Flight(vehicle) as flight:
-            await flight.add(Wanders(chance), Circles(chance), Tours(chance), Doors(chance))
+            await flight.add(Wanders(chance), Circles(chance), Tours(chance), Doors(chance), _mission(chance))
             for name, share in case.acts:
                 told.arms += name == "arm"
                 with suppress(FlightError, PlannedError, TimeoutError):

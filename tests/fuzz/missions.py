@@ -25,7 +25,7 @@ from support.scratch import scratch_folder
 
 COUNT = 1000
 
-OWN = ("takePhoto",)
+OWN = {"takePhoto": True}
 WHOLE = {
     "version": 1,
     "mission": {

@@ -141,7 +141,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.link.xrce.session.REPLIES", 4096),
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
-    "measurements": ("msggen.flight.measurements._positive", lambda numbers, _: numbers),
+    "measurements": ("msggen.flight.measured._positive", lambda numbers, _: numbers),
     "stalls": ("msggen.link.xrce.streams.ReliableOutput.expire", lambda *_: 0),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
     "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),

@@ -61,6 +61,8 @@ def test_the_types_of_vehicles_are_those_of_a_release(messages: Any) -> None:
     named = (vehicle_types.ROTARY_WING, vehicle_types.FIXED_WING, vehicle_types.ROVER)
     assert [found[number] for number in named] == ["ROTARY_WING", "FIXED_WING", "ROVER"]
     assert found.keys() <= vehicle_types.ALL, "0 is unknown in v1.15"
+    states = constants(messages["VtolVehicleStatus"], "VEHICLE_VTOL_STATE_")
+    assert [states[each] for each in vehicle_types.VtolState] == ["TRANSITION_TO_FW", "TRANSITION_TO_MC", "MC", "FW"]
 
 
 def test_the_newest_release_has_every_mode_and_command() -> None:

@@ -292,6 +292,14 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
             ["--param", "RTL_MIN_DIST"],
             "argument --param: expected a parameter and a value such as RTL_MIN_DIST=1, found 'RTL_MIN_DIST'",
         ),
+        (
+            ["--param", "EKF2_AGP_CTRL=1"],
+            "argument --param: parameter 'EKF2_AGP_CTRL' cannot be set, did you mean 'EKF2_AGP",
+        ),
+        (
+            ["--log", "flight.ulg", "--param", "EKF2_AGP_CTRL=1"],
+            "argument --param: parameter 'EKF2_AGP_CTRL' cannot be set, did you mean 'EKF2_AGP",
+        ),
         (["--param", "RTL_MIN_DIST=x"], "argument --param: expected a number, found 'x'"),
         (
             ["--fault", "no-position"],

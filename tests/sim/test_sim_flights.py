@@ -1,4 +1,5 @@
-"""Tests of the simulated commander: 35 captured flights of PX4 v1.18 are replayed against it.
+"""Tests of the simulated commander: captured flights of PX4 v1.18 are replayed against it, 35 of a multicopter and six
+of a plane, a VTOL and a rover.
 
 It is told what programs told the captured one, at the same times. It must give the same answers in the same order, and
 show the same changes in the same order, each within 0.3 s. PX4 sends VehicleStatus when its state changes and twice a
@@ -27,9 +28,11 @@ from support.flight_comparison import (
     first_of_each_row,
     shown,
 )
-from support.flight_replay import PARAMETERS, OfExecutor, Replay, Silence, Told
+from support.flight_replay import PARAMETERS, OfExecutor, Replay, Silence, Told, vehicle_of
 from support.repository import shared
 
+OTHERS = [name for name in flight_captures.names() if vehicle_of(name) != "multicopter"]
+MULTICOPTERS = [name for name in flight_captures.names() if name not in OTHERS]
 PYTHON = Registration("Python", check=True, mode=True, executor=True)
 
 TOLD_IN_CUTS: Mapping[str, Sequence[Told]] = {
@@ -44,12 +47,13 @@ state after a cut shows (arm, take off, fly the own mode) are given by `Replay`.
 
 LEFT_OUT = {
     "samples of sensors, estimates and setpoints": "the commander gets `Senses` in their place",
+    "the order of answers in one datagram": "it is that of topics",
     "request_id of registrations": "it is random",
     "request_id of requests to checks, and how many there are": "their phase differs after a cut; their masks count",
     "not_user_selectable": "the reply repeats it",
     "ModeCompleted after the first one in a row": "it is repeated by time",
     "ModeCompleted of the modes of programs": "PX4 repeats what they sent",
-    "acks of INJECT_FAILURE": "the simulator answers",
+    "acks of INJECT_FAILURE and DO_VTOL_TRANSITION": "the simulator answers, and the controller of a VTOL",
     "answers and masks older than the state of the vehicle": "a new session sends them again",
     "masks and pre_flight_checks_pass that last less than 0.21 s": "PX4 looks each 0.1 s, in another phase",
     "our values that no message could show": "they last less than 0.21 s, or lie between two messages of 2 Hz",
@@ -74,35 +78,50 @@ def replayed(name: str, package: Any, changes: Mapping[str, float] = {}, rules: 
     return replay
 
 
-@by_day("name", flight_captures.names(), 2)
-def test_the_commander_does_what_px4_did(name: str, px4_types: Any) -> None:
-    replay = replayed(name, px4_types)
+def check(name: str, package: Any) -> None:
+    replay = replayed(name, package)
     assert different_answers(replay) == []
     assert different_values(replay) == []
 
 
+@by_day("name", MULTICOPTERS, 2)
+def test_the_commander_does_what_px4_did(name: str, px4_types: Any) -> None:
+    check(name, px4_types)
+
+
+@pytest.mark.night  # by day, whole vehicles fly these: test_sim_captures.py
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_commander_of_another_vehicle_does_what_px4_did(name: str, px4_types: Any) -> None:
+    check(name, px4_types)
+
+
 def test_every_flight_is_there_and_much_of_it_is_compared(px4_types: Any) -> None:
     flights = [flight_captures.Captured(px4_types, name) for name in flight_captures.names()]
-    assert len(flights) == 35
-    assert Counter(each.topic for flight in flights for each in first_of_each_row(answers_of(flight))) == {
-        "vehicle_command_ack": 158,
-        "register_ext_component_reply": 104,
-        "setpoint_config_reply": 86,
-        "mode_completed": 30,
+    assert len(flights) == 41
+    assert Counter(each.topic for flight in flights for each in first_of_each_row(answers_of(flight.samples))) == {
+        "vehicle_command_ack": 174,
+        "register_ext_component_reply": 110,
+        "setpoint_config_reply": 155,
+        "mode_completed": 33,
         "config_overrides_confirm": 6,
     }
     changes = {name: sum(len(shown(source, each)) - 1 for each in flights) for name, source in SOURCES.items()}
     assert {name: number for name, number in changes.items() if name not in OF_PX4} == {
-        "status": 188,
-        "ready": 41,
-        "selectable": 72,
-        "registrations": 43,
-        "controls": 145,
+        "status": 209,
+        "vehicle": 11,
+        "ready": 48,
+        "selectable": 78,
+        "registrations": 46,
+        "controls": 162,
     }
     assert {name: number for name, number in changes.items() if name in OF_PX4 and number} == {
-        **dict.fromkeys(("angular_velocity", "attitude", "local_alt", "local_position"), 93),
-        **dict.fromkeys(("global_position", "home_position", "prevent_arming"), 6),
-        "other": 110,
+        **dict.fromkeys(("angular_velocity", "attitude"), 102),
+        "local_alt": 101,
+        "local_position": 107,
+        "global_position": 11,
+        **dict.fromkeys(("local_position_relaxed", "global_position_relaxed"), 5),
+        **dict.fromkeys(("home_position", "prevent_arming"), 6),
+        "other": 119,
     }
 
 
@@ -114,6 +133,7 @@ def test_every_flight_is_there_and_much_of_it_is_compared(px4_types: Any) -> Non
         ("register-silent", V1_18._replace(first_misses=9)),
         ("register-armed-0", V1_18._replace(always_registers=True)),
         ("limits", V1_18._replace(api_version=1)),
+        ("vtol-ground", V1_18._replace(takes_both_of_vtol=True)),
     ],
 )
 def test_other_rules_would_not_do(name: str, rules: Rules, px4_types: Any) -> None:

@@ -20,8 +20,10 @@ from msggen import recordings
 from msggen.cli import main
 from msggen.link.udp import UdpLink
 from msggen.sim import Misbehaviour, Options, Simulator
+from msggen.sim.airframes import AIRFRAMES
 from msggen.sim.alone import BOOT, LoneFlight
 from msggen.sim.parameters import PARAMETERS
+from msggen.sim.parts import PARTS
 from msggen.sim.runner import Runner
 from msggen.sim.transport import Udp, read_address
 from msggen.sim.ulog import UlogError, UlogWriter, Vehicle
@@ -137,6 +139,41 @@ def test_a_vehicle_without_a_position_stays_on_the_ground(px4_types: Any) -> Non
         "command 400 refused: there is no local position",
     ]
     assert kept.messages[-1][0] < BOOT + 10_000_000
+
+
+@pytest.mark.usefixtures("working_folder")
+@pytest.mark.parametrize("vehicle", AIRFRAMES)
+def test_the_log_of_a_vehicle_has_its_topics_and_parameters(vehicle: str, px4_types: Any) -> None:
+    words = ["sim", "--vehicle", vehicle, "--log", "a.ulg", "--for", "3", "--px4", "v1.18"]
+    assert main([*words, "--param", "COM_DISARM_LAND=7"]) == 0
+    airframe = AIRFRAMES[vehicle]
+    topics = {"airspeed_validated", "vtol_vehicle_status"}
+    with recordings.open("a.ulg") as log:
+        expected = {**PARAMETERS, **airframe.parameters, "COM_DISARM_LAND": 7.0}
+        assert dict(log.parameters) == pytest.approx(expected)
+        assert topics & {each.name for each in log.topics} == {
+            topic for part in airframe.parts for topic in PARTS[part] & topics
+        }
+        (first, *_) = log.messages(px4_types.VehicleStatus)
+    assert (first.vehicle_type, first.system_type) == (airframe.vehicle_type, airframe.system_type)
+    assert (first.is_vtol, first.is_vtol_tailsitter) == (airframe.is_vtol, airframe.is_tailsitter)
+
+
+@pytest.mark.night  # whole flights
+@pytest.mark.parametrize(
+    ("vehicle", "modes"),
+    [
+        ("plane", ["takeoff", "hold", "land"]),
+        ("vtol", ["takeoff", "hold", "return"]),
+        ("tailsitter", ["takeoff", "hold", "return"]),
+        ("rover", ["hold", "offboard", "land"]),
+        ("differential", ["hold", "offboard", "land"]),
+    ],
+)
+def test_every_vehicle_flies_by_itself_until_it_is_disarmed(vehicle: str, modes: list[str], px4_types: Any) -> None:
+    lines = [line.partition(" ")[2] for line in _flown(px4_types, Options(vehicle=vehicle)).lines]
+    assert [line for line in lines if line.startswith("armed")] == [f"armed, {mode}" for mode in modes]
+    assert lines[-1] in {"disarmed, hold: landed", "disarmed, offboard: landed"}
 
 
 @pytest.mark.usefixtures("working_folder")

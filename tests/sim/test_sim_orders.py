@@ -147,10 +147,13 @@ def test_home_is_where_the_vehicle_takes_off_unless_a_place_was_set(*, is_manual
     if is_manual:
         assert pilot.command(SET_HOME, at(*START.place((3.0, 0.0, 0.0)), first=0.0)) == ACCEPTED
     assert pilot.select(LAND) == ACCEPTED
-    pilot.until(lambda: not pilot.world.is_armed)
+    pilot.until(lambda: pilot.world.is_landed)
     assert pilot.world.origin.local(pilot.world.home)[0] == pytest.approx(3.0 if is_manual else 0.0, abs=0.01)
-    pilot.take_off()
+    pilot.until(lambda: not pilot.world.is_armed)
+    pilot.run(0.1)
     expected = (3.0, 0.0) if is_manual else (8.0, -6.0)
+    assert pilot.world.origin.local(pilot.world.home)[:2] == pytest.approx(expected, abs=0.3)
+    pilot.take_off()
     assert pilot.world.origin.local(pilot.world.home)[:2] == pytest.approx(expected, abs=0.3)
 
 

@@ -13,6 +13,7 @@ import pytest
 from msggen.sim import Options
 from msggen.sim.disturbances import DISTURBANCES
 from msggen.sim.parts import PARTS
+from msggen.sim.publishing import Publication, Schedule
 from support import published
 from support.published import FIELDS, RATES, Topic
 from support.repository import ROOT, shared
@@ -70,6 +71,18 @@ def test_a_power_module_measures_the_current(own: dict[str, Topic], full: dict[s
     without, measured = (each["battery_status"].fields for each in (own, full))
     assert (without["time_remaining_s"], without["capacity"], without["discharged_mah"]) == ("nan", "zero", "zero")
     assert (measured["time_remaining_s"], measured["capacity"], measured["discharged_mah"]) == ("moves", "set", "moves")
+
+
+def test_a_change_is_published_at_once_after_a_pause_and_the_next_one_after_the_shortest_interval() -> None:
+    """As by the real one: vehicle_status at 9.056, 9.092 and 9.258 s, because of a mode, arming and a takeoff."""
+    filler: Any = None
+    schedule = Schedule([Publication("vehicle_status", "", 0, 504_000, filler, 200_000)], 0)
+    times = []
+    for now in range(0, 1_500_000, 4_000):
+        if now in {1_040_000, 1_052_000}:
+            schedule.hasten(["vehicle_status"], now)
+        times += [now for _ in schedule.take(now)]
+    assert times == [0, 504_000, 1_008_000, 1_040_000, 1_208_000]
 
 
 def test_an_unknown_part_is_named(px4_types: Any) -> None:

@@ -7,16 +7,22 @@ import pytest
 pytest.importorskip("cyclonedds")
 
 import simulated
+from support.examples import by_day
 
 
 def test_a_flight_without_an_agent_is_measured() -> None:
     assert simulated.alone(3.0) > 0
 
 
-def test_a_program_flies_its_mode_in_the_same_process() -> None:
-    ratio, height = simulated.one_process(20.0)
+@by_day(
+    ("kind", "north", "height"),
+    [("plane", 262.0, 36.0), ("multicopter", 20.0, 10.0), ("rover", 20.0, 0.0), ("vtol", 68.0, 7.3)],
+    4,
+)
+def test_a_program_flies_its_mode_in_the_same_process(kind: str, north: float, height: float) -> None:
+    ratio, *place = simulated.one_process(24.0, kind)
     assert ratio > 0
-    assert height == pytest.approx(10.0, abs=1.0)  # that of its setpoints
+    assert place == [pytest.approx(north, rel=0.1, abs=1.0), pytest.approx(height, rel=0.1, abs=1.0)]
 
 
 @pytest.mark.night

@@ -44,7 +44,7 @@ ANSWERS = (
     "/fmu/out/mode_completed",
 )
 """The topics of PX4 whose samples are sent once."""
-TOPICS = TOLD + STATES + ANSWERS
+TOPICS = (*TOLD, *STATES, *ANSWERS, "/fmu/out/vtol_vehicle_status")
 _GAP = 0.4
 """The least time in s without any datagram that is a gap."""
 _CUT = 1_500_000
@@ -129,9 +129,12 @@ def _create(create: wire.Create, topics: dict[bytes, str], ends: dict[bytes, str
 
 
 def write(flights: dict[str, Flight]) -> None:
-    """Write the files."""
+    """Write the files that are new or different."""
     FOLDER.mkdir(exist_ok=True)
+    known = names()
     for name, flight in flights.items():
+        if name in known and load(name) == flight:
+            continue
         samples = [(time, TOPICS.index(topic), data) for time, topic, data in flight.rows]
         text = json.dumps({"topics": TOPICS, "gaps": flight.gaps, "samples": samples}, separators=(",", ":"))
         (FOLDER / f"{name}.json.gz").write_bytes(gzip.compress(text.encode(), 9, mtime=0))
@@ -157,7 +160,7 @@ class Captured:
         flight = load(name)
         messages = {each.ros_name: each.message for each in package.topics.ENDPOINTS}
         samples = [
-            Sample(round(time * 1e6), _bare(topic), messages[topic].decode(bytes.fromhex(data)))
+            Sample(round(time * 1e6), bare(topic), messages[topic].decode(bytes.fromhex(data)))
             for time, topic, data in flight.rows
         ]
         begin = next(each.time for each in samples if each.topic == "vehicle_status")
@@ -180,12 +183,13 @@ class Captured:
         return next((each.message for each in found if each.time >= time), found[-1].message)
 
 
-def _bare(topic: str) -> str:
+def bare(topic: str) -> str:
+    """Return the name of a topic in uORB."""
     name = topic.rpartition("/")[2]
     return name.rpartition("_v")[0] if name[-1].isdigit() else name
 
 
-_NEVER_OLD = {_bare(topic) for topic in TOLD + STATES}
+_NEVER_OLD = {bare(topic) for topic in set(TOPICS) - set(ANSWERS)}
 
 
 def _fresh(samples: Sequence[Sample]) -> Iterator[Sample]:

@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.messages import nav_states
 from msggen.messages.commands import EXECUTOR, TEMPORARILY_REJECTED
+from msggen.messages.vehicle_types import VtolState
+from msggen.sim.airframes import AIRFRAMES
 from msggen.sim.commander.checks import Reply
 from msggen.sim.commander.commander import Commander
 from msggen.sim.commander.components import Overrides, Registration
@@ -37,6 +39,9 @@ _BRING = 600_000
 """The time in a cut at which the commander is brought into the state after it."""
 OF_TYPES = ("angular_velocity", "attitude", "local_alt", "local_position")
 """The requirements in SetpointConfigReply."""
+
+VEHICLES: Mapping[str, str] = {"fw": "plane", "vtol": "vtol", "rover": "rover"}
+"""The vehicle of a capture by the first word of its name. All others are of a multicopter."""
 
 Values: TypeAlias = tuple[Any, ...]
 
@@ -73,6 +78,11 @@ class Seen(NamedTuple):
     value: Values
 
 
+def vehicle_of(name: str) -> str:
+    """Return the vehicle of a captured flight: one of `AIRFRAMES`."""
+    return VEHICLES.get(name.partition("-")[0], "multicopter")
+
+
 class Replay:
     """A replay of a captured flight. `told` is what programs told the captured commander in what was cut out."""
 
@@ -85,7 +95,8 @@ class Replay:
         rules: Rules = V1_18,
     ) -> None:
         self.captured = Captured(package, name)
-        self.commander = Commander(rules, parameters)
+        airframe = AIRFRAMES[vehicle_of(name)]
+        self.commander = Commander(rules, {**parameters, **airframe.parameters}, airframe)
         self.answers: list[Answer] = []
         self.seen: dict[str, list[Seen]] = {}
         """Each value that changed, by its name."""
@@ -110,6 +121,7 @@ class Replay:
     def run(self) -> None:
         """Replay the whole capture."""
         samples, cuts = [*self.captured.samples], [*self.captured.cuts]
+        self._show()
         while samples:
             self._now += STEP
             while samples and samples[0].time <= self._now:
@@ -127,7 +139,12 @@ class Replay:
             self._own = commander.requests.popleft().number, now
         while commander.completed:
             self._answer("mode_completed", commander.completed.popleft())
+        self._show()
+
+    def _show(self) -> None:
+        commander = self.commander
         self._see("status", *self._status())
+        self._see("vehicle", *self._vehicle())
         self._see("ready", commander.is_ready)
         self._see("selectable", commander.selectable)
         self._see("registrations", *[commander.checks.mask] if commander.checks.registered else [])
@@ -140,6 +157,11 @@ class Replay:
         modes = one.mode, one.intention, one.executor_in_charge, one.displayed
         active = failsafe.is_active, failsafe.user_took_over, failsafe.defer_state
         return (*modes, 2 if one.is_armed else 1, *active, one.arming_reason, one.disarming_reason)
+
+    def _vehicle(self) -> Values:
+        one, state = self.commander, self.commander.vtol_state
+        is_transition = state is not None and state.is_transition
+        return one.vehicle_type, one.airframe.is_vtol, is_transition, state is VtolState.TO_FORWARD
 
     def _see(self, name: str, *value: Any) -> None:
         seen = self.seen.setdefault(name, [])
@@ -157,6 +179,8 @@ class Replay:
             self._sense(message)
         elif sample.topic == "vehicle_land_detected":
             self._senses = self._senses._replace(is_landed=message.landed)
+        elif sample.topic == "vtol_vehicle_status":
+            self.commander.vtol_state = VtolState(message.vehicle_vtol_state)
         elif sample.topic == "mode_completed":
             self._ends[message.nav_state] = sample.time
             self._step()  # before a command that follows it
@@ -184,6 +208,7 @@ class Replay:
             manual_control=not flags.manual_control_signal_lost,
             ground_station=not flags.gcs_connection_lost,
             battery=flags.battery_warning,
+            has_fallen=flags.fd_critical_failure,
         )
 
     def _register(self, one: Any) -> None:
@@ -216,6 +241,8 @@ class Replay:
     def _command(self, one: Any) -> None:
         """Do a command. PX4 shows its effects before it decides what flies."""
         self._reply()
+        if one.command == one.VEHICLE_CMD_DO_VTOL_TRANSITION:
+            return
         if one.command == one.VEHICLE_CMD_COMPONENT_ARM_DISARM:
             result = self.commander.arm() if one.param1 == 1 else self.commander.disarm()
         else:

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from msggen.sim.alone import BOOT, LoneFlight
 from msggen.sim.options import Options
@@ -43,10 +43,10 @@ class Topic(NamedTuple):
         """Whether it is published at a rate, on change, once or never."""
         if self.samples < 2:
             return "once" if self.samples else "silent"
-        return "on change" if self.flight < _ON_CHANGE else "at a rate"
+        return "on change" if self.flight < ON_CHANGE else "at a rate"
 
 
-_ON_CHANGE = 0.3
+ON_CHANGE = 0.3
 """The rate in Hz below which a topic is published only when it changes."""
 
 
@@ -67,7 +67,7 @@ def facts(samples: Iterable[Timed], names: Iterable[str]) -> dict[str, Topic]:
             _rate(found, start, changed),
             _rate(found, lifted, landed),
             len(found),
-            _fields([message for time, message in found if lifted <= time < landed]),
+            fields_of([message for time, message in found if lifted <= time < landed]),
         )
         for topic, found in sorted(by_topic.items())
     }
@@ -77,7 +77,7 @@ def _rate(samples: Sequence[tuple[float, Any]], start: float, end: float) -> flo
     return round(sum(start <= time < end for time, _ in samples) / (end - start), 2)
 
 
-def _fields(messages: Sequence[Any]) -> dict[str, str]:
+def fields_of(messages: Sequence[Any]) -> dict[str, str]:
     """Return what is in each field of messages: it moves, or is always 0, NaN, infinite, or something else."""
     names = [field.name for field in messages[0].__msg__.fields] if messages else []
     return {name: _content([getattr(each, name) for each in messages]) for name in names if name not in _TIMES}
@@ -108,8 +108,9 @@ RATES: Mapping[str, str] = {
 _ACCURACY = "the accuracy of estimates is constant in sim"
 _MODES = "the one flew the mode of a program's executor, the other one Offboard mode"
 _BATTERY = "PX4's simulator of a battery estimates its model while it drains"
-_HEADING = "the magnetometer of sim is never doubted, nor is its range sensor"
+_HEADING = "the magnetometer of sim is never doubted"
 _GROUND = "the ground of sim is flat, and always known"
+_HOME = "home is exactly the origin in sim, and has no attitude"
 _NAVIGATOR = "sim has no navigator: the triplet is empty"
 FIELDS: Mapping[str, Mapping[str, str]] = {
     "battery_status": {"current_average_a": _BATTERY, "scale": _BATTERY},
@@ -117,10 +118,10 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "control_status_changes": _HEADING,
         "cs_mag_hdg": _HEADING,
         "cs_mag_3d": _HEADING,
-        "cs_rng_hgt": _HEADING,
         "cs_mag_aligned_in_flight": _HEADING,
     },
     "failsafe_flags": {"offboard_control_signal_lost": _MODES},
+    "home_position": dict.fromkeys(("x", "y", "z", "roll", "pitch", "yaw"), _HOME),
     "position_setpoint_triplet": dict.fromkeys(("previous", "current", "next"), _NAVIGATOR),
     "timesync_status": dict.fromkeys(
         ("observed_offset", "estimated_offset", "round_trip_time"), "this flight of sim has no agent"
@@ -151,12 +152,15 @@ def table(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> str:
     """Return the comparison of rates for people, as Markdown."""
     head = ["| topic | PX4 at rest | PX4 in flight | sim at rest | sim in flight |", "|---|---|---|---|---|"]
     names = [name for name, topic in real.items() if topic.how != "silent"]
-    rows = [f"| {name} | {' | '.join(_shown(each) for each in (*real[name][:2], *own[name][:2]))} |" for name in names]
+    rows = [
+        f"| {name} | {' | '.join(shown_rate(each) for each in (*real[name][:2], *own[name][:2]))} |" for name in names
+    ]
     return "\n".join([*head, *rows, ""])
 
 
-def _shown(rate: float) -> str:
-    return f"{rate:.1f}" if rate >= _ON_CHANGE else "-"
+def shown_rate(rate: float) -> str:
+    """Return a rate for people."""
+    return f"{rate:.1f}" if rate >= ON_CHANGE else "-"
 
 
 # Where sessions come from
@@ -201,7 +205,17 @@ def text_of(found: Mapping[str, Topic]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def different_fields(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> Iterator[tuple[str, str, str, str]]:
+class HasFields(Protocol):
+    """What is known of a topic, such as `Topic`."""
+
+    @property
+    def fields(self) -> Mapping[str, str]:
+        """See `Topic`."""
+
+
+def different_fields(
+    real: Mapping[str, HasFields], own: Mapping[str, HasFields]
+) -> Iterator[tuple[str, str, str, str]]:
     """Yield the fields whose content differs while both are in the air: topic, field, in the real one, in the other."""
     for name, topic in real.items():
         for field, kind in topic.fields.items():
@@ -209,19 +223,20 @@ def different_fields(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> Ite
                 yield name, field, kind, own[name].fields[field]
 
 
-def _write_page(package: Any) -> None:
-    """Write the table of the page on simulated vehicles."""
-    path = ROOT / "docs" / "sim.md"
-    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    path.write_text(before + begin + table(load(), simulated(package, Options())) + end + after, encoding="utf-8")
-
-
-BEGIN = "<!-- tests/support/published.py writes what follows -->\n"
+BEGIN = "<!-- tests/support/{}.py writes what follows -->\n"
 END = "<!-- the end of what it writes -->\n"
+
+
+def write_table(module: str, text: str) -> None:
+    """Write the table of a module into the page on simulated vehicles."""
+    path = ROOT / "docs" / "sim.md"
+    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN.format(module))
+    _, end, after = rest.partition(END)
+    path.write_text(before + begin + text + end + after, encoding="utf-8")
+
 
 if __name__ == "__main__":
     types = import_module("px4_types")
     if sys.argv[1:]:
         PATH.write_text(text_of(captured(Path(sys.argv[1]), types)))
-    _write_page(types)
+    write_table("published", table(load(), simulated(types, Options())))

@@ -49,7 +49,7 @@ def _check(options: argparse.Namespace) -> int:
     found: list[Diagnostic] = []
     for path in options.files:
         try:
-            plans[path], warnings = read_mission(path, options.action)
+            plans[path], warnings = read_mission(path, dict.fromkeys(options.action, True))
         except InputError as error:
             found += [*error.diagnostics, *error.notices]
         else:

@@ -71,6 +71,7 @@ def _sim(options: argparse.Namespace) -> int:
     _check_speed(options)
     package, label = _types(options)
     _check_messages(options, package)
+    _check_parameters(options, package)
     if options.log and options.address is None:
         _check_alone(options)
         return fly_alone(options, package, label, next(_options_of_vehicles(options)))
@@ -249,6 +250,16 @@ def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:
                 options.parser.error(f"argument {option}: no topic has a message '{name}'{suggestion(name, known)}")
 
 
+def _check_parameters(options: argparse.Namespace, package: ModuleType) -> None:
+    """Refuse parameters that only other releases have."""
+    from msggen.sim.vehicle import world_of
+
+    try:
+        world_of(package, next(_options_of_vehicles(options)))
+    except ValueError as error:
+        options.parser.error(f"argument --param: {error}")
+
+
 def _contents(package: ModuleType) -> str:
     directions = [endpoint.direction for endpoint in topics_of(package).ENDPOINTS]
     return f"{directions.count('out')} topics out, {directions.count('in')} in"
@@ -285,13 +296,13 @@ def endpoint_topics(package: ModuleType) -> Mapping[str, Any]:
 @contextmanager
 def new_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) -> Iterator[UlogWriter]:
     """Create the file, and close it at the end. Raises an InputError, also if it cannot be written further."""
+    from msggen.sim import Options
     from msggen.sim.alone import BOOT
-    from msggen.sim.parameters import PARAMETERS
     from msggen.sim.ulog import UlogError, UlogWriter, Vehicle
 
-    path = options.log
+    path, followed = options.log, Options(vehicle=options.vehicle, parameters=dict(options.param)).followed
     try:
-        log = UlogWriter(path, BOOT, topics, {**PARAMETERS, **dict(options.param)}, Vehicle(options.key, label))
+        log = UlogWriter(path, BOOT, topics, followed, Vehicle(options.key, label))
     except FileExistsError:
         check_free(path)
         raise

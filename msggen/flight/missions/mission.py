@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from inspect import iscoroutinefunction
 from logging import getLogger
 from types import new_class
 from typing import Any, TypeAlias
@@ -23,7 +24,7 @@ from msggen.flight.missions.handler import (
 )
 from msggen.flight.missions.legs import MissionMode, first
 from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Plan, Waypoint
-from msggen.flight.missions.reading import read_mission, unknown_actions
+from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.states import is_disarmed
 from msggen.flight.telemetry import is_landed
@@ -67,13 +68,13 @@ class Mission(Executor):
         state: str | os.PathLike[str] | None = None,
         on_progress: Callable[[int], None] | None = None,
     ) -> None:
-        """Raises InputError for actions that do not exist, and FlightError if `state` is another file."""
-        merged = {**BUILT_IN, **({} if actions is None else actions)}
-        self._table = {
-            key: each if isinstance(each, Action) else _FunctionAction(each)
-            for key, each in merged.items()
-            if each is not None
-        }
+        """Take a plan, which is checked as a file that has `plan.dump()`.
+
+        Raises InputError, TypeError for what is no action, and FlightError if `state` is another file.
+        """
+        self._given = {} if actions is None else dict(actions)
+        merged = {**BUILT_IN, **self._given}
+        self._table = {key: _action(key, each) for key, each in merged.items() if each is not None}
         self._mode = new_class("MissionMode", (MissionMode,), {"name": name})()
         self._mode.unready = self._told_unready
         vars(self)["mode"] = self._mode  # that of this mission: several can be registered
@@ -103,7 +104,7 @@ class Mission(Executor):
         """
         path = os.fspath(path)
         stem = os.path.splitext(os.path.basename(path))[0]
-        plan = _read(path, actions or {})
+        plan = _read(path, {} if actions is None else actions)
         made = cls(plan, name=name or stem, actions=actions, state=state, on_progress=on_progress)
         made._path = path
         return made
@@ -120,10 +121,8 @@ class Mission(Executor):
         self._set(plan)
 
     def _set(self, plan: Plan) -> None:
-        unknown = unknown_actions(plan.items, self._table)
-        if unknown:
-            raise InputError(unknown)
-        self._plan, self._checksum = plan, plan.checksum
+        self._plan, _ = parse_mission(plan.dump(), f"mission {self._mode.name}", self._given)  # checks it as a file
+        self._checksum = plan.checksum
         found = self._state.load(self._checksum) if self._state is not None else None
         is_within = found is not None and found[0] < len(plan.items)
         self._progress.restore(*(found if found is not None and is_within else (None, {})))
@@ -141,7 +140,7 @@ class Mission(Executor):
                 continue
             seen = found
             try:
-                self.plan = _read(self._path, self._table)
+                self.plan = _read(self._path, self._given)
             except InputError as error:
                 LOGGER.warning("the mission stays as it was: %s", error)
             else:
@@ -160,7 +159,7 @@ class Mission(Executor):
     @property
     def unready(self) -> tuple[str, ...]:
         """Why the mission cannot begin, each text once."""
-        found = [] if self._plan.items else ["the mission has no items"]
+        found: list[str] = []
         for item in self._plan.items:
             if isinstance(item, ActionItem):
                 found += self._table[item.name].problems(item.document)
@@ -330,7 +329,15 @@ class Mission(Executor):
             self._state.save(self._checksum, self._progress.index, self._progress.stored)
 
 
-def _read(path: str, actions: Iterable[str]) -> Plan:
+def _action(name: str, given: Action | Function) -> Action:
+    if isinstance(given, Action):
+        return given
+    if not iscoroutinefunction(given):
+        raise TypeError(f"action {name!r}: expected an `async def` function or an object of Action, got {given!r}")
+    return _FunctionAction(given)
+
+
+def _read(path: str, actions: Mapping[str, object]) -> Plan:
     plan, warnings = read_mission(path, actions)
     for each in warnings:
         LOGGER.warning("%s", each)

@@ -10,7 +10,6 @@ from hashlib import blake2b
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from msggen.base.location import Location
 from msggen.flight.places import GlobalPlace
 from msggen.messages import earth
 
@@ -64,7 +63,6 @@ class Waypoint:
 
     place: GlobalPlace
     id: str = ""
-    location: Location | None = field(default=None, compare=False, repr=False)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -81,7 +79,6 @@ class ActionItem:
     arguments: Mapping[str, Any] = field(default_factory=dict)
     """All keys of the item but `type` and `id`."""
     id: str = ""
-    location: Location | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "arguments", MappingProxyType(dict(self.arguments)))

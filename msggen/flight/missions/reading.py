@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from msggen.base.checked import shortened
 from msggen.base.diagnostics import Diagnostic, InputError, input_error, sorted_out, suggestion
 from msggen.base.disk.reading import read_text
-from msggen.base.location import Location, Places
+from msggen.base.location import Places
 from msggen.flight.missions.expected import (
     ARGUMENTS,
     ARRAY,
@@ -40,6 +41,7 @@ _WAYPOINT: Mapping[str, Expected] = {"x": LATITUDE, "y": LONGITUDE, "z": NUMBER}
 _DEFAULTS: Mapping[str, Expected] = dict.fromkeys(SETTINGS, POSITIVE)
 _ONLY: Mapping[str, str] = {"navigationType": "waypoint", "frame": "global"}
 """The keys of waypoints that have one value."""
+_NONE: Mapping[str, object] = MappingProxyType({})
 
 
 class Read(NamedTuple):
@@ -49,8 +51,8 @@ class Read(NamedTuple):
     warnings: tuple[Diagnostic, ...]
 
 
-def read_mission(path: str, actions: Iterable[str] = ()) -> Read:
-    """Read a mission file. `actions` are the names of actions of the program.
+def read_mission(path: str, actions: Mapping[str, object] = _NONE) -> Read:
+    """Read a mission file. `actions` are those of the program by their names; None removes one that is built in.
 
     Raises InputError, also for a file that cannot be read.
     """
@@ -63,38 +65,23 @@ def read_mission(path: str, actions: Iterable[str] = ()) -> Read:
     return parse_mission(text, path, actions)
 
 
-def parse_mission(text: str, path: str, actions: Iterable[str] = ()) -> Read:
-    """Return the plan of the text of a mission file. Raises InputError."""
+def parse_mission(text: str, path: str, actions: Mapping[str, object] = _NONE) -> Read:
+    """Return the plan of the text of a mission file, as `read_mission`. Raises InputError."""
     places = Places(text, path)
     try:
         document = read(text)
     except BrokenError as error:
         raise InputError([Diagnostic(places.at(error.position), _BROKEN, str(error))]) from None
-    return _Reading(places, frozenset(actions)).read(document)
-
-
-def unknown_actions(items: Iterable[Item], known: Iterable[str]) -> list[Diagnostic]:
-    """Return an error for each item whose action does not exist."""
-    names = {*known}.difference(HOOKS)
-    return [
-        Diagnostic(item.location or Location(f"item {index}", 0), _UNKNOWN_ACTION, _no_action(item.name, names))
-        for index, item in enumerate(items)
-        if isinstance(item, ActionItem) and item.name not in names
-    ]
-
-
-def _no_action(name: str, known: Iterable[str]) -> str:
-    if name in HOOKS:
-        return f"'{name}' is no item: the mission itself calls it"
-    near = suggestion(name, [*known, NAVIGATION]) or f": there are {', '.join(sorted(known))}."
-    return f"unknown action '{name}'{near} Name those of your program in `actions`, or with --action"
+    return _Reading(places, actions).read(document)
 
 
 class _Reading:
     """Reads a document, and collects what is wrong with it."""
 
-    def __init__(self, places: Places, own: frozenset[str]) -> None:
-        self._places, self._own = places, own
+    def __init__(self, places: Places, actions: Mapping[str, object]) -> None:
+        self._places, self._own = places, actions
+        removed = {name for name, action in actions.items() if action is None}
+        self._known = {*ARGUMENTS, *actions}.difference(removed, HOOKS)
         self._found: list[Diagnostic] = []
 
     def read(self, document: Value) -> Read:
@@ -104,7 +91,6 @@ class _Reading:
             found = shortened(version.plain)
             self._tell(version.start, _UNSUPPORTED, f"unsupported version {found}: msggen reads version {VERSION}")
         plan = Plan(()) if mission is None else self._plan(mission)
-        self._found += unknown_actions(plan.items, {*ARGUMENTS, *self._own})
         return Read(plan, sorted_out(self._found))
 
     def _plan(self, mission: Value) -> Plan:
@@ -137,29 +123,32 @@ class _Reading:
         text = "" if name is None else str(name.content)
         if kind.content == NAVIGATION:
             return self._waypoint(value, text)
-        return self._action(value, str(kind.content), text, self._places.at(kind.start))
+        return self._action(value, kind, text)
 
     def _waypoint(self, value: Value, name: str) -> Waypoint | None:
         optional = {"type": TEXT, "id": TEXT}
-        only = {key: Expected(f"'{text}'", _is_text) for key, text in _ONLY.items()}
+        only = {key: Expected(f"'{text}'", TEXT.holds) for key, text in _ONLY.items()}
         found = self._values(value, "the waypoint", {**only, **_WAYPOINT}, optional)
-        is_known = True
-        for key, text in _ONLY.items():
-            if key in found and found[key] != text:
-                at = _members(value)[key].start
-                near = f"{key} '{found[key]}' is not supported: version {VERSION} of the format has only '{text}'"
-                self._tell(at, _UNSUPPORTED, near)
-                is_known = False
-        if not is_known or not found.keys() >= {*_ONLY, *_WAYPOINT}:
+        for key in [key for key, text in _ONLY.items() if found.get(key, text) != text]:
+            text = f"{key} '{found.pop(key)}' is not supported: version {VERSION} of the format has only '{_ONLY[key]}'"
+            self._tell(_members(value)[key].start, _UNSUPPORTED, text)
+        if not found.keys() >= {*_ONLY, *_WAYPOINT}:
             return None
         place = GlobalPlace(*(float(found[key]) for key in _WAYPOINT))
-        return Waypoint(place, name, self._places.at(value.start))
+        return Waypoint(place, name)
 
-    def _action(self, value: Value, name: str, item_id: str, location: Location) -> ActionItem:
+    def _action(self, value: Value, kind: Value, item_id: str) -> ActionItem:
+        name = str(kind.content)
+        if name in HOOKS:
+            self._tell(kind.start, _UNKNOWN_ACTION, f"'{name}' is no item: the mission itself calls it")
+        elif name not in self._known:
+            near = suggestion(name, [*self._known, NAVIGATION]) or f": there are {', '.join(sorted(self._known))}."
+            text = f"unknown action '{name}'{near} Name those of your program in `actions`, or with --action"
+            self._tell(kind.start, _UNKNOWN_ACTION, text)
         if name in ARGUMENTS and name not in self._own:
             self._values(value, f"'{name}'", {}, {**ARGUMENTS[name], "type": TEXT, "id": TEXT})
         arguments = {key: each.plain for key, each in _members(value).items() if key not in {"type", "id"}}
-        return ActionItem(name, arguments, item_id, location)
+        return ActionItem(name, arguments, item_id)
 
     def _check_ids(self, items: Iterable[Value]) -> None:
         """Warn of ids that several items have. PX4's library does not look at them, but people do."""
@@ -211,7 +200,3 @@ class _Reading:
 
 def _members(value: Value) -> Mapping[str, Value]:
     return value.content if isinstance(value.content, dict) else {}
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)

@@ -21,7 +21,7 @@ from msggen.flight.pytest.recording import Recording
 from msggen.flight.pytest.vehicle import Airspace, SimVehicle
 from msggen.generate.cache import package_of
 from msggen.sim import Options
-from msggen.sim.parameters import PARAMETERS
+from msggen.sim.parameters import SETTABLE
 from msggen.sim.world import Home
 from msggen.sources.embedded import EMBEDDED, unknown_release
 
@@ -110,7 +110,7 @@ def _marked(item: pytest.Item) -> dict[str, Any]:
 def _made(package: ModuleType, options: dict[str, Any], path: str, airspace: Airspace) -> SimVehicle:
     types, limit = options.pop("types", None), options.pop("limit", _LIMIT)
     _check("option", options, ("types", "limit", *Options._fields))
-    _check("parameter", options.get("parameters", {}), PARAMETERS)
+    _check("parameter", options.get("parameters", {}), SETTABLE)
     found = package if types is None else _package(types)
     if "home" in options:
         options["home"] = Home(*options["home"])

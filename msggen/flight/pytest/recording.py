@@ -11,7 +11,6 @@ from typing import Any
 
 from msggen.sim import Options
 from msggen.sim.disturbances import noise_with
-from msggen.sim.parameters import PARAMETERS
 from msggen.sim.publishing import Schedule, publication_of
 from msggen.sim.ulog import UlogWriter, Vehicle
 from msggen.sim.values import Clocks, Scene
@@ -19,6 +18,7 @@ from msggen.sim.world import World
 
 _TOPICS = frozenset(
     {
+        "airspeed_validated",
         "battery_status",
         "failsafe_flags",
         "home_position",
@@ -27,6 +27,8 @@ _TOPICS = frozenset(
         "vehicle_land_detected",
         "vehicle_local_position",
         "vehicle_status",
+        "vtol_vehicle_status",
+        "wind",
     }
 )
 """The topics that are recorded at a fixed rate. Messages of programs and their answers are recorded, too."""
@@ -45,10 +47,12 @@ class Recording:
         endpoints = import_module(f"{package.__name__}.topics").ENDPOINTS
         topics = {each.uorb_topic: each.message for each in endpoints}
         release = re.sub(r"^px4_v(\d+)_(\d+)$", r"v\1.\2", package.__name__)
-        self._writer = UlogWriter(
-            path, start, topics, {**PARAMETERS, **options.parameters}, Vehicle(options.key, release)
-        )
-        out = [publication_of(each) for each in endpoints if each.direction == "out" and each.uorb_topic in _TOPICS]
+        self._writer = UlogWriter(path, start, topics, options.followed, Vehicle(options.key, release))
+        out = [
+            publication_of(each, parts=options.equipment)
+            for each in endpoints
+            if each.direction == "out" and each.uorb_topic in _TOPICS
+        ]
         self._schedule = Schedule([each._replace(interval=max(each.pause, _INTERVAL)) for each in out], start)
         self._noise = noise_with(options.disturbances, options.seed, options.key)
         self._state = ""

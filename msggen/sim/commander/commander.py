@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
+from msggen.messages.vehicle_types import FIXED_WING, VtolState
 from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.commander import failsafe, states
 from msggen.sim.commander.checks import Checks, Reply, Request
@@ -52,8 +53,8 @@ class Commander:
     ) -> None:
         self.rules = rules
         self.airframe = airframe
-        self.vehicle_type = airframe.vehicle_type
-        """That of VehicleStatus, which a VTOL changes in flight."""
+        self.vtol_state = VtolState.HOVER if airframe.is_vtol else None
+        """Whether a VTOL hovers or flies by its wings, None for another vehicle."""
         self.components = Components()
         self.checks = Checks(rules)
         self.failsafe = Failsafe(round(parameters["COM_FAIL_ACT_T"] * 1e6))
@@ -93,6 +94,11 @@ class Commander:
         self._armed = WhileArmed(parameters)
 
     @property
+    def vehicle_type(self) -> int:
+        """That of VehicleStatus. A VTOL in a transition counts as a multicopter."""
+        return FIXED_WING if self.vtol_state is VtolState.FORWARD else self.airframe.vehicle_type
+
+    @property
     def _in_charge(self) -> int:
         return AUTOPILOT if self.failsafe.is_active else self._executor
 
@@ -119,6 +125,8 @@ class Commander:
             found = (*found, "prevent_arming")
         if self.requirements.blocks_arming:
             found = (*found, "arming_check")
+        if self.senses.has_fallen:
+            found = (*found, "has_fallen")
         return (*found, "battery") if self.senses.battery > 1 else found
 
     # Time
@@ -149,7 +157,8 @@ class Commander:
         modes = self.components.modes
         replaced = {mode: own.replaces for mode, own in modes.items() if own.replaces is not None}
         registered = {each.mode for each in self.checks.registered.values()} & modes.keys()
-        self.requirements = Requirements(self.vehicle_type, registered, self.checks.verdicts(), replaced)
+        kind = FIXED_WING if self.vtol_state and self.vtol_state.is_transition else self.vehicle_type
+        self.requirements = Requirements(kind, registered, self.checks.verdicts(), replaced)
         self.is_ready = not self.missing
 
     def _decide(self) -> None:
@@ -199,20 +208,22 @@ class Commander:
         self._rest()
 
     def _rest(self) -> None:
-        """Disarm a vehicle that has rested on the ground for long enough, after a flight or before it."""
+        """Disarm a vehicle that has fallen over, or rested on the ground for long enough, after a flight or before."""
+        if self.is_armed and self._sensed.has_fallen:
+            self._disarm(states.BY_FAILSAFE)
         if not self.is_armed:
             self._resting = None
         elif not self.takeoff_time:
             self._resting = self._resting or self._now
-            pause = self._parameters["COM_DISARM_PRFLT"]
-            if pause > 0:
-                self._disarm_after(self._parameters["COM_SPOOLUP_TIME"] + pause, states.BY_INACTION)
+            self._disarm_after("COM_DISARM_PRFLT", states.BY_INACTION, self._parameters["COM_SPOOLUP_TIME"])
         elif not self._applied.keeps_armed:
             self._resting = (self._resting or self._now) if self._sensed.is_landed else None
-            self._disarm_after(self._parameters["COM_DISARM_LAND"], states.BY_LANDING)
+            self._disarm_after("COM_DISARM_LAND", states.BY_LANDING)
 
-    def _disarm_after(self, seconds: float, reason: int) -> None:
-        if self._resting is not None and self._now >= self._resting + seconds * 1e6:
+    def _disarm_after(self, name: str, reason: int, more: float = 0.0) -> None:
+        """Disarm after the seconds of a parameter and some more. A parameter that is not positive never disarms."""
+        seconds = self._parameters[name]
+        if seconds > 0 and self._resting is not None and self._now >= self._resting + (seconds + more) * 1e6:
             self._disarm(reason)
 
     # Programs
@@ -367,11 +378,6 @@ class Commander:
         if self.is_armed:
             self._disarm(states.BY_COMMAND)
         return ACCEPTED
-
-    def crash(self) -> None:
-        """Disarm at once, because the failure detector has seen the vehicle on its back."""
-        if self.is_armed:
-            self._disarm(states.BY_FAILSAFE)
 
     def _disarm(self, reason: int) -> None:
         self.is_armed, self.disarming_reason = False, reason

@@ -70,6 +70,8 @@ class Senses(NamedTuple):
     ground_station: bool = False
     battery: int = 0
     """The warning: 0 none, 1 low, 2 critical, 3 emergency."""
+    has_fallen: bool = False
+    """Whether the vehicle lies on its back or on a side, which PX4's failure detector sees."""
     wings_failed: bool = False
     """Whether a VTOL has given up forward flight: a quad-chute."""
     is_landed: bool = True
@@ -150,6 +152,7 @@ _TEXTS: Mapping[str, str] = {
     **MEANINGS,
     "arming_check": "an arming check of a program says no, or has not answered yet",
     "battery": "the battery is empty",
+    "has_fallen": "the vehicle has fallen over",
 }
 """What is missing, for people."""
 
