@@ -11,8 +11,8 @@ import sys
 import px4_types
 from msggen.flight import FIXED_WING, Flight, FlightError, Mode
 
-CORNERS = [(300.0, 0.0), (150.0, 260.0), (0.0, 0.0)]  # north and east in m
-HEIGHT = 60.0
+CORNERS = [(200.0, 0.0), (100.0, 170.0), (0.0, 0.0)]  # north and east in m
+HEIGHT = 40.0
 
 
 class Triangle(Mode, name="Triangle"):

@@ -11,7 +11,7 @@ import sys
 import px4_types
 from msggen.flight import FIXED_WING, GOTO, TRAJECTORY, Flight, FlightError, Mode
 
-PLACE = (400.0, 0.0, -40.0)  # north, east and down in m
+PLACE = (200.0, 0.0, -30.0)  # north, east and down in m
 
 
 class There(Mode, name="There and back"):
@@ -26,7 +26,7 @@ class There(Mode, name="There and back"):
         print("on wings", flush=True)
         await self.goto(PLACE)
         print("there", flush=True)
-        await self.goto(start.shifted(z=-20.0))
+        await self.goto(start.shifted(z=-10.0))
         await self.to_multicopter()
         print("hovering", flush=True)
         await self.goto(start)
