@@ -259,7 +259,7 @@ class ActiveMode(Active):
         self._begins_on_ground = is_landed(self.feeds)
         self._stream.start()
         self.overrides.renew()
-        if self._is(is_rover) or (self._is(is_on_wings) and not self._begins_on_ground):
+        if self._is(is_rover) or self._is(is_in_transition) or (self._is(is_on_wings) and not self._begins_on_ground):
             self._hold_or_pause()  # PX4 would go on with the setpoints of the mode before, for ever
         if self._wanted is not None:
             self.restart()
