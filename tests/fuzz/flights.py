@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 from fuzz.payloads import targets
-from msggen.flight import ATTITUDE, Check, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
+from msggen.flight import ATTITUDE, FIXED_WING, Check, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
 from msggen.flight.executor import Start
 from msggen.flight.missions import Action, ActionItem, Arguments, Handler, Mission, Plan, Waypoint
 from msggen.messages.nav_states import EXTERNAL, OFFBOARD
@@ -54,7 +54,7 @@ class Watched(NearVehicle):
     """A vehicle that keeps when which mode was active, and what was sent."""
 
     def __init__(self, package: Any, seed: int) -> None:
-        super().__init__(package, Options(seed=seed))
+        super().__init__(package, Options(seed=seed, vehicle="vtol" if seed % 3 == 0 else "multicopter"))
         self._chance = Random(seed)  # noqa: S311 - no secret
         self.loss = 0.0
         self.sent: list[tuple[float, str, Any]] = []
@@ -90,8 +90,10 @@ class Wanders(Mode, name="Wanders"):
 
     setpoints = (*Mode.setpoints, ATTITUDE)
 
-    def __init__(self, chance: Random) -> None:
-        self.chance = chance
+    def __init__(self, chance: Random, *, is_vtol: bool) -> None:
+        self.chance, self.is_vtol = chance, is_vtol
+        if is_vtol:
+            self.setpoints = (*type(self).setpoints, FIXED_WING)  # type: ignore[misc]
 
     def problems(self) -> Any:
         return _problems(self.chance)
@@ -99,7 +101,7 @@ class Wanders(Mode, name="Wanders"):
     async def fly(self) -> None:
         chance = self.chance
         for _ in range(chance.randrange(4)):
-            way = chance.randrange(5)
+            way = chance.randrange(8 if self.is_vtol else 5)
             x, y = chance.uniform(-9, 9), chance.uniform(-9, 9)
             if way == 0:
                 await self.goto((x, y, -chance.uniform(2, 12)), max_speed=chance.choice((None, 3.0)))
@@ -109,12 +111,20 @@ class Wanders(Mode, name="Wanders"):
                 self.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.5)
             elif way == 3:
                 await self.hold(chance.uniform(0, 2))
+            elif way > 4:
+                await self._by_wings(way, x, y / 9)
             await asyncio.sleep(chance.uniform(0, 2))
         end = chance.randrange(4)
         if end == 0:
             raise PlannedError
         if end == 1:
             await asyncio.sleep(1000.0)
+
+    async def _by_wings(self, way: int, course: float, climb: float) -> None:
+        if way == 7:
+            self.fixed_wing(course=course, height_rate=climb)
+        else:
+            await (self.to_fixed_wing() if way == 5 else self.to_multicopter())
 
 
 class Circles(Wanders, name="Circles"):
@@ -241,6 +251,7 @@ PROGRAM: dict[str, Callable[[Flight, Random], Coroutine[Any, Any, None]]] = {
     "hang": _block,
     "wait": lambda _, chance: asyncio.sleep(chance.uniform(0, 3)),
     "home": lambda flight, _: flight.set_home(),
+    "change": lambda flight, chance: chance.choice((flight.to_fixed_wing, flight.to_multicopter))(),
 }
 
 
@@ -298,7 +309,9 @@ async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
         loop.call_later(seconds, WORLD[name], vehicle, value)
     with suppress(FlightError):
         async with Flight(vehicle) as flight:
-            await flight.add(Wanders(chance), Circles(chance), Tours(chance), Doors(chance), _mission(chance))
+            is_vtol = vehicle.world.airframe.is_vtol
+            modes = (Wanders(chance, is_vtol=is_vtol), Circles(chance, is_vtol=is_vtol))
+            await flight.add(*modes, Tours(chance), Doors(chance), _mission(chance))
             for name, share in case.acts:
                 told.arms += name == "arm"
                 with suppress(FlightError, PlannedError, TimeoutError):
