@@ -123,9 +123,9 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
         `airspeed` and `within`: the horizontal distance, by default that of a turn with a bank of 30 degrees. The
         altitude is reached within 10 m. A rover takes `max_speed` and `within`, 1 by default, and no altitude counts.
 
-        Raises ValueError, NoAnswerError without a valid position, LimitError as `Limits` says, UnsupportedError as
-        `send` does, FlightError in a transition, and NotReachedError on the ground, if the vehicle lands or hovers, and
-        if the mode does not fly.
+        Raises ValueError, NoAnswerError without a valid position, LimitError as `Limits` says, UnsupportedError for
+        what the vehicle does not follow, FlightError in a transition, and NotReachedError on the ground, if the vehicle
+        lands or a VTOL changes on the way, and if the mode does not fly.
         """
         own = self._own
         yaw = heading_of(heading, heading_deg, self.frame)

@@ -24,7 +24,7 @@ from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover
 from msggen.flight.steering import Steering
 from msggen.flight.telemetry import checked_estimate, is_landed
-from msggen.flight.vtol import change, check_vtol
+from msggen.flight.vtol import change, must_change
 from msggen.messages.commands import OF_MODE
 from msggen.messages.setpoints import FIXED_WING, TRAJECTORY, Kind
 
@@ -117,7 +117,8 @@ class ActiveMode(Active):
     async def change(self, *, is_forward: bool, seconds: float) -> None:
         """Let a VTOL change to forward flight, or to hovering, and hold the place then. Raises as `to_fixed_wing`."""
         self._check_flying()
-        check_vtol(self.feeds)
+        if not must_change(self.feeds, is_forward=is_forward, seconds=seconds):
+            return
         for kind in (TRAJECTORY, FIXED_WING):
             try:
                 self._topics.incoming(kind.topic)
@@ -135,7 +136,7 @@ class ActiveMode(Active):
         finally:
             self._is_changing = False
             if self._is_flying:
-                self._steering.hold()
+                self._hold_or_pause()
 
     def hold(self) -> bool:
         """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
@@ -258,7 +259,7 @@ class ActiveMode(Active):
         self._begins_on_ground = is_landed(self.feeds)
         self._stream.start()
         self.overrides.renew()
-        if self._is(is_rover) or (self._is(is_on_wings) and not self._begins_on_ground):
+        if self._is(is_rover) or self._is(is_in_transition) or (self._is(is_on_wings) and not self._begins_on_ground):
             self._hold_or_pause()  # PX4 would go on with the setpoints of the mode before, for ever
         if self._wanted is not None:
             self.restart()

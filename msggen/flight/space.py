@@ -45,10 +45,15 @@ def turned_heading(heading: float, frame: Frame) -> float:
 
 
 def heading_of(heading: float | None, heading_deg: float | None, frame: Frame) -> float | None:
-    """Return a heading in a frame, in rad or in degrees, as one in NED in rad. Raises ValueError if both are given."""
+    """Return a heading in a frame, in rad or in degrees, as one in NED in rad.
+
+    Raises ValueError if both are given, and for one that is not finite.
+    """
     if heading is not None and heading_deg is not None:
         raise ValueError("expected heading or heading_deg, got both")
     found = math.radians(heading_deg) if heading_deg is not None else heading
+    if found is not None and not math.isfinite(found):
+        raise ValueError(f"expected finite numbers for a heading, got {(found,)}")
     return None if found is None else turned_heading(found, frame)
 
 

@@ -11,6 +11,7 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, title_of
 from msggen.flight.telemetry import is_known_in_air
 from msggen.messages import commands
+from msggen.messages.vehicle_types import VtolState
 
 TRANSITION: Final = 20.0
 """The time in s within which a VTOL changes: PX4 gives up after VT_TRANS_TIMEOUT, 15 s."""
@@ -18,8 +19,10 @@ KNOWN: Final = 5.0
 """The age in s up to which the status of a VTOL counts."""
 
 
-def check_vtol(feeds: Feeds) -> Any:
-    """Return the last VehicleStatus. Raise the errors of `Flight.to_fixed_wing` if the vehicle cannot change now."""
+def must_change(feeds: Feeds, *, is_forward: bool, seconds: float) -> bool:
+    """Whether a VTOL does not fly as it is to. Raise the errors of `Flight.to_fixed_wing` if it cannot change now."""
+    if not seconds > 0.0:
+        raise ValueError(f"expected a timeout above 0 s, got {seconds:g}")
     feed = feeds["vehicle_status"]
     if feed.latest is None or feed.age > KNOWN:
         raise feeds.no_answer(f"no vehicle_status within {KNOWN:g} s: whether the vehicle hovers is not known")
@@ -27,42 +30,40 @@ def check_vtol(feeds: Feeds) -> Any:
         raise UnsupportedError(f"only a VTOL changes between hovering and forward flight, not {title_of(feed.latest)}")
     if not (is_armed(feed.latest) and is_known_in_air(feeds)):
         raise FlightError("on the ground, PX4 changes at once, and the vehicle flips over: take off first")
-    return feed.latest
+    return not _is_there(feed.latest, is_forward=is_forward)
 
 
 async def change(sender: Commands, feeds: Feeds, *, is_forward: bool, seconds: float) -> None:
     """Let a VTOL change, and wait for the end: see `Flight.to_fixed_wing`."""
-    if not seconds > 0.0:
-        raise ValueError(f"expected a timeout above 0 s, got {seconds:g}")
-    before = check_vtol(feeds)
+    if not must_change(feeds, is_forward=is_forward, seconds=seconds):
+        return
     status, name = feeds["vehicle_status"], "forward flight" if is_forward else "hovering"
     has_begun = False
-
-    def is_there(each: Any) -> bool:
-        return not is_in_transition(each) and is_on_wings(each) == is_forward
 
     def follow(each: Any) -> None:
         nonlocal has_begun
         has_begun = has_begun or is_in_transition(each)
 
     def is_over(each: Any) -> bool:
-        return is_there(each) or (has_begun and not is_in_transition(each))
+        return _is_there(each, is_forward=is_forward) or (has_begun and not is_in_transition(each))
 
-    if is_there(before):
-        return
     with suppress(UnsupportedError):  # v1.15 does not tell of a quad-chute
         feeds["vtol_vehicle_status"]
     end = status.call(follow)  # a short transition can be over before the acknowledgement
     try:
-        state = commands.FORWARD if is_forward else commands.HOVERING
+        state = VtolState.FORWARD if is_forward else VtolState.HOVER
         await sender.send(commands.VTOL_TRANSITION, float(state), 0.0, what=f"change to {name}", shown=is_in_transition)
         found = await status.wait(is_over, seconds)
     except TimeoutError:
         raise NotReachedError(f"the vehicle has not changed to {name} within {seconds:g} s") from None
     finally:
         end()
-    if not is_there(found):
+    if not _is_there(found, is_forward=is_forward):
         raise NotReachedError(f"the vehicle has not changed to {name}: {_why_not(feeds, found)}")
+
+
+def _is_there(status: Any, *, is_forward: bool) -> bool:
+    return not is_in_transition(status) and is_on_wings(status) == is_forward
 
 
 def _why_not(feeds: Feeds, status: Any) -> str:

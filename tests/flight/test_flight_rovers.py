@@ -95,6 +95,8 @@ def test_the_keywords_tell_the_kind(px4_types: Any, way: dict[str, float], numbe
         ({"speed": 1.0, "heading": 0.0, "heading_deg": 0.0}, "heading or heading_deg, got both"),
         ({"throttle": 1.1, "heading": 0.0}, "expected a throttle from -1 to 1, got 1.1"),
         ({"speed": 1.0, "steering": -1.1}, "expected a steering from -1 to 1, got -1.1"),
+        ({"speed": 1.0, "heading": math.inf}, "expected finite numbers for a heading, got (inf,)"),
+        ({"speed": 1.0, "heading_deg": math.nan}, "expected finite numbers for a heading, got (nan,)"),
         ({"speed": math.nan, "heading": 0.0}, "expected finite numbers for `speed` and `heading`"),
         ({"speed": 1.0, "turn_rate": math.inf}, "expected finite numbers for `speed` and `turn_rate`"),
         ({"throttle": math.nan, "heading": 0.0}, "expected finite numbers"),

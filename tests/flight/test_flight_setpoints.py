@@ -108,13 +108,16 @@ def test_enu_and_ned_lead_to_the_same_setpoint(
     [
         (lambda mode: mode.trajectory(velocity=(1.0, 0.0, math.nan)), "each axis needs"),
         (lambda mode: mode.trajectory(position=(0.0, 0.0, 0.0), heading=0.0, heading_deg=0.0), "got both"),
+        (lambda mode: mode.trajectory(velocity=(1.0, 0.0, 0.0), heading=math.inf), "finite numbers for a heading"),
         (lambda mode: mode.attitude((1.0, 0.0, 0.0, 0.0), thrust=1.5), "a thrust from 0 to 1"),
     ],
 )
+@pytest.mark.parametrize("axes", ["ned", "enu"])
 def test_wrong_setpoints_are_errors_before_anything_is_sent(
-    px4_types: Any, caplog: pytest.LogCaptureFixture, call: Any, text: str
+    px4_types: Any, caplog: pytest.LogCaptureFixture, call: Any, text: str, axes: Any
 ) -> None:
     class Wrong(Mode):
+        frame = axes
         setpoints = (*Mode.setpoints, ATTITUDE)
 
         async def fly(self) -> None:
