@@ -19,8 +19,8 @@ MEASUREMENT = (
         Category.MEASUREMENT,
         measurements.find_dropped,
         fix="A position or velocity counts only with three finite numbers and a known frame, and an attitude only as a"
-        " unit quaternion, w first. Give 0 and a large variance for an axis that is not measured. What is not "
-        "measured at all is NaN.",
+        " unit quaternion, w first. Give 0 and a large variance for an axis that is not measured. NaN stands for "
+        "what is not measured at all.",
     ),
     Rule(
         "MEASUREMENT_TIME",

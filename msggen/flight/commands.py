@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, RefusedError
 from msggen.flight.feeds import Condition, Feeds
-from msggen.messages.commands import ACCEPTED, EXECUTOR, IN_PROGRESS
+from msggen.messages.commands import ACCEPTED, ARM_DISARM, EXECUTOR, IN_PROGRESS, SET_NAV_STATE
 from msggen.messages.refusals import reasons_for_command
 
 COMPANION: Final = 191
@@ -35,6 +35,8 @@ class Commands:
         self._actuators = 0.0
         """When a command may set actuators next."""
         self._is_closed = False
+        self.problems_in: Callable[[int], Sequence[str]] = lambda _: ()
+        """Returns the problems that the program itself reports, which prevent a mode, and arming in it."""
 
     def close(self) -> None:
         """Send nothing any more."""
@@ -78,7 +80,13 @@ class Commands:
         if answer is not None and answer.result != ACCEPTED:
             flags, status = (self._feeds[each].latest for each in ("failsafe_flags", "vehicle_status"))
             reasons = reasons_for_command(number, values, flags, status, "`hold()`")
-            raise RefusedError(what, answer.result, [*reasons])
+            raise RefusedError(what, answer.result, [*reasons, *self._own_reasons(number, values, status)])
+
+    def _own_reasons(self, number: int, values: Sequence[float], status: Any) -> Sequence[str]:
+        """Return the problems of the program that PX4 knows by their numbers only."""
+        if number == SET_NAV_STATE:
+            return self.problems_in(int(values[0]))
+        return self.problems_in(status.nav_state) if number == ARM_DISARM and values[0] and status is not None else ()
 
     async def pace_actuators(self) -> None:
         """Wait until a command may set actuators: PX4 takes 10 a second."""

@@ -29,7 +29,9 @@ def check_mode(mode: Mode, *, is_owned: bool) -> None:
     _check_type(mode.limits, Limits, f"{what}: `limits`", "Limits(height=20.0)")
     _check_type(mode.keeps, Keeps, f"{what}: `keeps`", "Keeps(armed=True)")
     if not (isinstance(mode.setpoints, tuple) and all(isinstance(each, Kind) for each in mode.setpoints)):
-        raise RegistrationError(f"{what}: expected a tuple such as (GOTO,) as `setpoints`, got {mode.setpoints!r}")
+        raise RegistrationError(
+            f"{what}: expected a tuple of kinds as `setpoints`, such as (GOTO,) or (FIXED_WING,), or ROVER as it is"
+        )
     if mode.replaces is not None and mode.replaces not in range(EXTERNAL.start):
         raise RegistrationError(f"{what}: expected a nav_state of a PX4 mode as `replaces`, got {mode.replaces!r}")
 

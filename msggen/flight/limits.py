@@ -60,7 +60,7 @@ class Limits:
     distance: float = math.inf
     """From the home position, horizontally."""
     depth: float = math.inf
-    """Below the home position, for the places of `goto` only: where the ground falls away from home."""
+    """Below the home position, for places of `goto` and altitudes of wings: where the ground falls away from home."""
 
     def __post_init__(self) -> None:
         """Raise ValueError unless all are positive."""
@@ -123,6 +123,8 @@ class Fence:
     def check(self, kind: Kind, values: Values) -> None:
         """Raise LimitError if a setpoint has a place beyond the limits, and UnsupportedError as `check_kinds`."""
         self.check_kinds([kind])
+        if kind == FIXED_WING:
+            self._check_depth(self._down_of(values[_LONGITUDINAL]["altitude"]))
         if self.limits.is_open:
             return
         place = values[kind.topic].get("position")
@@ -159,17 +161,22 @@ class Fence:
         Such a place is more than 10 km from home, or more than 1 m below it, and `Limits` do not say that it is meant.
         """
         self.check_place(place)
-        x, y, down = _from_home(place, self._known_home() or Vector(0.0, 0.0, 0.0))
-        distance, depth = self.limits.distance, self.limits.depth
+        x, y, _ = _from_home(place, self._known_home() or Vector(0.0, 0.0, 0.0))
+        distance = self.limits.distance
         if math.isinf(distance) and not _length(x, y) <= _DISTANCE:
             raise LimitError(
                 f"{_length(x, y) / 1e3:.0f} km from home: without `Limits(distance=...)`, goto flies "
                 f"{_DISTANCE / 1e3:g} km at most, and nothing was sent"
             )
+        self._check_depth(place[2])
+
+    def _check_depth(self, z: float) -> None:
+        """Raise LimitError for a place in the ground, as far as home tells."""
+        down, depth = z - (self._known_home() or Vector(0.0, 0.0, 0.0)).z, self.limits.depth
         if down > (_DEPTH if math.isinf(depth) else depth):
             raise LimitError(
-                f"{down:.1f} m below home, and nothing was sent: z points down in NED, and the altitude of a "
-                "GlobalPlace is above sea level; `Limits(depth=...)` allows places below home"
+                f"{down:.1f} m below home, and nothing was sent: z points down in NED, and altitudes are above sea "
+                "level; `Limits(depth=...)` allows places below home"
             )
 
     def nearest(self, place: Sequence[float]) -> Vector:

@@ -158,7 +158,7 @@ class Measuring(Hinted):
         latitude: float | None = None,
         longitude: float | None = None,
         altitude: float | None = None,
-        accuracy: float,
+        accuracy: float | None = None,
         altitude_accuracy: float | None = None,
         source_id: int = 1,
         source: Source = "vision",
@@ -171,6 +171,8 @@ class Measuring(Hinted):
         EKF2_AGP0_NOISE. `source_id` is that of EKF2_AGP0_ID to EKF2_AGP3_ID in v1.18. The rest is as in `local`.
         """
         north, east, height = OnEarth(place, latitude, longitude, altitude).numbers("on_earth")
+        if accuracy is None:
+            raise ValueError("expected `accuracy`, the horizontal standard deviation in m: EKF2 weighs the place by it")
         (eph,) = _positive([accuracy], "accuracy")
         (epv,) = [math.nan] if altitude_accuracy is None else _positive([altitude_accuracy], "altitude_accuracy")
         if source not in SOURCES:
@@ -236,7 +238,9 @@ def _measured(name: str, numbers: Sequence[float] | None, variance: Variance | N
     keyword = _VARIANCE.get(name, f"{name}_variance")
     if numbers is None:
         if variance is not None:
-            raise ValueError(f"expected `{name}` with `{keyword}`, got the variance alone")
+            raise ValueError(
+                f"expected `{name}` with `{keyword}`, got the variance alone: each part has one of its own"
+            )
         return _NONE, _NONE
     found = tuple(math.nan if each is None else float(each) for each in numbers)
     if len(found) != 3 or not all(map(math.isfinite, found)):  # noqa: PLR2004 - x, y, z

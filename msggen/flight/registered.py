@@ -49,6 +49,7 @@ class Parts:
 
     def __init__(self, connection: Connection, feeds: Feeds, sender: Commands, fence: Fence, *, resume: bool) -> None:
         self.connection, self._feeds, self._commands, self._fence = connection, feeds, sender, fence
+        sender.problems_in = self._problems_in
         self._registrar = Registrar(connection, feeds)
         self._resume = resume
         self._is_closed = False
@@ -323,6 +324,11 @@ class Parts:
         """Return the modes whose conditions are met, as bits."""
         modes = [(each.ids.mode, each.verdict()) for each in self._active.values() if each.ids.mode != NONE]
         return sum(1 << mode for mode, verdict in modes if verdict.can_run and not verdict.problems)
+
+    def _problems_in(self, mode: int) -> list[str]:
+        """Return the problems of the mode with a nav_state, and of checks without a mode."""
+        reporting = [each for each in self._active.values() if each.ids.mode in {mode, NONE}]
+        return [f"{each.ids.name!r} reports {found.event}" for each in reporting for found in each.verdict().problems]
 
     # after a restart
 

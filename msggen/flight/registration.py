@@ -13,7 +13,10 @@ from msggen.flight.states import is_armed
 
 NAME_SIZE: Final = 25
 """The bytes of a name in RegisterExtComponentRequest, with the zero at its end."""
-ARMED: Final = "the vehicle is armed: register before arming. In flight, PX4 refuses it, or the mode that flies is left"
+ARMED: Final = (
+    "the vehicle is armed: register before arming, or wait with `await flight.wait_disarmed()`. In flight, PX4 refuses "
+    "it, or the mode that flies is left"
+)
 _TRIES = 5
 _PATIENCE = 1.0
 _REPLIES = 0.1

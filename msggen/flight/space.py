@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
+_TURNS = 2 * math.tau
+"""The largest angle in rad: programs that fly around something sum them up."""
+
 Frame: TypeAlias = Literal["ned", "enu"]
 """Axes: north, east, down; or east, north, up."""
 
@@ -47,14 +50,24 @@ def turned_heading(heading: float, frame: Frame) -> float:
 def heading_of(heading: float | None, heading_deg: float | None, frame: Frame) -> float | None:
     """Return a heading in a frame, in rad or in degrees, as one in NED in rad.
 
-    Raises ValueError if both are given, and for one that is not finite.
+    Raises ValueError if both are given, for one that is not finite, and for radians beyond two turns.
     """
     if heading is not None and heading_deg is not None:
         raise ValueError("expected heading or heading_deg, got both")
     found = math.radians(heading_deg) if heading_deg is not None else heading
     if found is not None and not math.isfinite(found):
         raise ValueError(f"expected finite numbers for a heading, got {(found,)}")
+    if heading is not None:
+        check_radians(heading, "heading")
     return None if found is None else turned_heading(found, frame)
+
+
+def check_radians(angle: float, name: str) -> None:
+    """Raise ValueError for an angle beyond two turns, which is probably in degrees. `name` is its argument."""
+    if abs(angle) > _TURNS:
+        raise ValueError(
+            f"expected `{name}` in rad, from -4 pi to 4 pi, got {angle:g}: did you mean `{name}_deg={angle:g}`?"
+        )
 
 
 def three(values: Sequence[float]) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.limits import turn_radius
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import Values, finite, in_range
-from msggen.flight.space import Frame, Vector, heading_of, wrapped
+from msggen.flight.space import Frame, Vector, check_radians, heading_of, wrapped
 from msggen.flight.states import is_on_wings
 from msggen.flight.telemetry import is_estimate, valid_estimate
 from msggen.flight.usage import WINGS, explained
@@ -149,6 +149,8 @@ def _angle(rad: float | None, deg: float | None, frame: Frame, name: str) -> flo
     if rad is not None and deg is not None:
         raise ValueError(f"expected {name} or {name}_deg, got both")
     finite([each for each in (rad, deg) if each is not None], f"`{name}`")
+    if rad is not None:
+        check_radians(rad, name)
     found = heading_of(rad, deg, frame)
     return None if found is None else wrapped(found)
 

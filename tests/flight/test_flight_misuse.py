@@ -82,8 +82,8 @@ def with_values(base: type[Mode | Executor], **values: Any) -> Any:
 WRONG: list[tuple[Any, str]] = [
     (with_values(Line, frame="NED"), "mode 'Line': `frame`: expected 'ned' or 'enu', got 'NED'"),
     (with_values(Line, requires=ATTITUDE), "mode 'Line': `requires`: expected Requirement, such as LOCAL_POSITION"),
-    (with_values(Line, setpoints=GOTO), r"mode 'Line': expected a tuple such as \(GOTO,\) as `setpoints`"),
-    (with_values(Line, setpoints=[GOTO]), r"mode 'Line': expected a tuple such as \(GOTO,\) as `setpoints`"),
+    (with_values(Line, setpoints=GOTO), r"mode 'Line': expected a tuple of kinds as `setpoints`, such as"),
+    (with_values(Line, setpoints=[GOTO]), r"mode 'Line': expected a tuple of kinds as `setpoints`, such as"),
     (with_values(Line, replaces=99), "mode 'Line': expected a nav_state of a PX4 mode as `replaces`, got 99"),
     (with_values(Line, replaces="return"), "expected a nav_state of a PX4 mode as `replaces`, got 'return'"),
     (with_values(Line, limits=20.0), "mode 'Line': `limits`: expected Limits"),

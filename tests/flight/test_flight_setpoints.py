@@ -72,7 +72,7 @@ def test_a_kind_that_a_mode_does_not_declare_is_an_error(px4_types: Any, caplog:
 
     vehicle = fly(px4_types, program)
     assert not vehicle.times("vehicle_rates_setpoint")
-    assert "mode 'Plain' declares goto, trajectory setpoints: add rates to its `setpoints`" in caplog.text
+    assert "mode 'Plain' declares goto, trajectory setpoints: add `RATES` to its `setpoints`" in caplog.text
 
 
 @settings(max_examples=examples(30, by_day=3))

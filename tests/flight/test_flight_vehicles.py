@@ -190,7 +190,7 @@ def test_nothing_is_sent_after_the_end_of_the_mode_or_while_the_program_hangs(
 
 def test_the_errors_say_what_to_use_instead(px4_types: Any) -> None:
     async def plane(flight: Flight, _: Flown) -> None:
-        with pytest.raises(UnsupportedError, match=re.escape("with `setpoints = (FIXED_WING,)`")):
+        with pytest.raises(UnsupportedError, match=re.escape("declare `setpoints = (FIXED_WING,)`")):
             await flight.add(Waits)  # goto and trajectory, the default
 
     async def rover(flight: Flight, _: Flown) -> None:
@@ -198,7 +198,7 @@ def test_the_errors_say_what_to_use_instead(px4_types: Any) -> None:
             UnsupportedError,
             match=re.escape(
                 "mode 'Declares': a rover does not follow fixed-wing setpoints, which are for a fixed-wing aircraft. "
-                "For a rover, use `goto` and `rover`, with `setpoints = ROVER`"
+                "For a rover, declare `setpoints = ROVER`: `goto` and `rover` drive it"
             ),
         ):
             await flight.add(with_kind(FIXED_WING))

@@ -97,7 +97,7 @@ def test_before_v1_17_a_vtol_changes_in_modes_of_px4(types: Any) -> None:
         await up(flight, vehicle, Asks)
         wanted = r"before PX4 v1.17.*`await flight.hold\(\)`, then `await flight.to_fixed_wing\(\)`"
         if has_wings(types):
-            wanted = "add fixed-wing to its `setpoints`"
+            wanted = "add `FIXED_WING` to its `setpoints`"
         with pytest.raises(UnsupportedError, match=wanted):
             await flight.fly(Asks)
         assert state(vehicle) == VtolState.HOVER
