@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Iterable
 from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -101,7 +102,7 @@ def _change(chance: Random, value: Any) -> None:
         if isinstance(value, dict) and chance.random() < 0.5:
             value[str(chance.choice(ODD))[:20]] = found
     else:
-        value[key] = chance.choice(ODD)
+        value[key] = deepcopy(chance.choice(ODD))  # else a later change alters the list for the cases that follow
 
 
 def check(case: Case) -> None:
