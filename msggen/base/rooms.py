@@ -30,14 +30,18 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "flight": ("base", "link", "messages", "vehicle"),
         "flight.pytest": ("base", "sources", "generate", "messages", "sim", "flight"),
         "recordings": ("base", "definitions", "sources", "check", "messages"),
-        "exports": ("base", "definitions", "sources", "link", "messages", "vehicle", "recordings"),
+        "analysis": ("base", "definitions", "check", "messages", "recordings"),
+        "exports": ("base", "definitions", "sources", "link", "messages", "vehicle", "recordings", "analysis"),
         "ros": ("base", "link", "messages", "vehicle"),
         "doctor": ("base", "definitions", "check", "link", "messages", "vehicle"),
-        "show": ("base", "definitions", "sources", "check", "link", "messages", "vehicle", "recordings", "doctor"),
+        "show": (
+            *("base", "definitions", "sources", "check", "link", "messages", "vehicle", "recordings", "analysis"),
+            "doctor",
+        ),
         "lsp": ("base", "definitions", "sources", "check", "generate.bump", "show"),
         "cli": (
             *("base", "definitions", "sources", "check", "generate", "link", "messages", "vehicle", "sim"),
-            *("flight", "recordings", "exports", "ros", "doctor", "show", "lsp"),
+            *("flight", "recordings", "analysis", "exports", "ros", "doctor", "show", "lsp"),
         ),
     }
 )

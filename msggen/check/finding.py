@@ -35,6 +35,7 @@ class Category(Enum):
     FLOW = "samples arrive rarely, or some of them do not arrive"
     MEASUREMENT = "programs send measurements, but the vehicle's estimator does not use them"
     SETPOINT = "programs send setpoints, but the vehicle does not follow them"
+    FLIGHT = "a recording shows that the vehicle, its setup or its surroundings were not as they should be"
 
 
 OF_VEHICLES = (
@@ -46,8 +47,9 @@ OF_VEHICLES = (
     Category.FLOW,
     Category.MEASUREMENT,
     Category.SETPOINT,
+    Category.FLIGHT,
 )
-"""The categories of what is wrong with a running vehicle. Their findings are about no lines of a file."""
+"""The categories of what is, or was, wrong with a vehicle. Their findings are about no lines of a file."""
 
 
 class Effect(Enum):
@@ -112,7 +114,9 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule. `find` yields the changes in a Comparison, or in a Definition. `fix` says what to do about them.
+    """A rule. `find` yields the changes in a Comparison, a Definition or a vehicle's Case, or what a flight shows.
+
+    `fix` says what to do about them.
 
     A rule that is not a default is only applied if it is selected.
     """
@@ -120,7 +124,7 @@ class Rule:
     id: str
     purpose: str
     category: Category
-    find: Callable[[Any], Iterable[Change]]
+    find: Callable[[Any], Iterable[Any]]
     fix: str
     severity: Severity = Severity.ERROR
     is_default: bool = True

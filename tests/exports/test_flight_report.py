@@ -21,14 +21,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from msggen import recordings
+from msggen.analysis.figures import figures_of, track_of
+from msggen.analysis.findings import findings_of
+from msggen.analysis.flight import Flight
+from msggen.analysis.recorded import Column, Recorded, angle_of, spans
+from msggen.analysis.rules.table import TOPICS
+from msggen.analysis.timeline import timeline_of
 from msggen.exports.convert import convert
 from msggen.exports.report.charts import Chart, charts_of
-from msggen.exports.report.findings import findings_of
-from msggen.exports.report.flight import figures_of, track_of
 from msggen.exports.report.page import report
 from msggen.exports.report.plans import GROUPS, LANES, is_needed
-from msggen.exports.report.recorded import Column, Recorded, angle_of, spans
-from msggen.exports.report.timeline import timeline_of
 from msggen.recordings import RecordingError
 from msggen.recordings.log.thinning import MOST, spread, thinned_lines
 from msggen.sources.embedded import all_releases, nearest_first
@@ -102,7 +104,7 @@ def data_of(page: str) -> Any:
 
 def recorded_of(path: Path | str) -> Recorded:
     with recordings.open(str(path)) as log:
-        return Recorded(log, is_needed)
+        return Recorded(log, lambda name: is_needed(name) or name in TOPICS)
 
 
 def charts_by_title(path: Path | str) -> dict[str, Chart]:
@@ -276,7 +278,7 @@ def test_jumps_of_the_estimate_are_no_distance(tmp_path: Path, px4_types: Any) -
     recorded = recorded_of(write_recording(tmp_path / "jump.mcap", samples))
     found = {each.name: each.value for each in figures_of(recorded, track_of(recorded))}
     assert 8 <= float(found["Distance"].removesuffix(" m")) <= 10
-    assert any("jumped 1 time" in each.text for each in findings_of(recorded, timeline_of(recorded)))
+    assert any("jumped 1 time" in each.text for each in findings_of(Flight(recorded)).findings)
 
 
 def test_a_clock_that_jumps_by_years_needs_no_memory_for_them(tmp_path: Path, px4_types: Any) -> None:
@@ -306,7 +308,7 @@ def test_jumps_between_two_flights_are_not_told(tmp_path: Path, px4_types: Any) 
         for step in range(20)
     ]
     recorded = recorded_of(write_recording(tmp_path / "turned.mcap", samples))
-    assert not findings_of(recorded, timeline_of(recorded))
+    assert not findings_of(Flight(recorded)).findings
 
 
 def test_the_track_can_be_of_latitudes_and_longitudes(tmp_path: Path, px4_types: Any) -> None:
@@ -387,7 +389,7 @@ def test_values_beyond_their_limits_are_findings(  # noqa: PLR0913, PLR0917
 ) -> None:
     samples = [(f"/fmu/out/{topic}", step / 10, getattr(px4_types, message)(**fields)) for step in range(50)]
     recorded = recorded_of(write_recording(tmp_path / "found.mcap", samples))
-    found = [each.text for each in findings_of(recorded, timeline_of(recorded))]
+    found = [each.text for each in findings_of(Flight(recorded)).findings]
     assert len(found) == (0 if expected is None else 12 if topic == "actuator_motors" else 1), found
     assert expected is None or found[0].startswith(expected)
 
@@ -397,7 +399,7 @@ def test_vibration_is_told_from_when_the_vehicle_was_armed(tmp_path: Path, px4_t
     samples = [("/fmu/out/vehicle_imu_status", step / 10, shaken) for step in range(50)]
     samples += [("/fmu/out/vehicle_status", step, status(arming_state=1 + (step > 2))) for step in range(5)]
     recorded = recorded_of(write_recording(tmp_path / "shaken.mcap", samples))
-    (found,) = [each for each in findings_of(recorded, timeline_of(recorded)) if "vibration" in each.text]
+    (found,) = [each for each in findings_of(Flight(recorded)).findings if "vibration" in each.text]
     assert (found.level, found.time) == ("warning", 3.0)
 
 
@@ -412,7 +414,7 @@ def test_the_time_between_two_flights_does_not_count(tmp_path: Path, px4_types: 
         for step, each in enumerate(armed)
     ]
     recorded = recorded_of(write_recording(tmp_path / "two.mcap", samples))
-    (found,) = findings_of(recorded, timeline_of(recorded))
+    (found,) = findings_of(Flight(recorded)).findings
     assert (found.text, found.time) == ("motor 1 was at its limit for 8.0 s, 100 % of the time armed", 2.5)
 
 
@@ -420,7 +422,7 @@ def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:
     fix = [0, 0, 3, 3, 2, 2, 3, 3]
     samples = [("/fmu/out/sensor_gps", time, px4_types.SensorGps(fix_type=each)) for time, each in enumerate(fix)]
     recorded = recorded_of(write_recording(tmp_path / "fix.mcap", samples))
-    (found,) = findings_of(recorded, timeline_of(recorded))
+    (found,) = findings_of(Flight(recorded)).findings
     assert (found.text, found.time) == ("the GPS had no fix for 2.0 s", 4.0)
 
 

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from msggen.analysis.recorded import Column, Recorded, angle_of, spans
 from msggen.base.diagnostics import few
 from msggen.exports.report.drawing import MOST as MOST_OF_TRACK
 from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
-from msggen.exports.report.recorded import Column, Recorded, angle_of, spans
 from msggen.recordings.log.thinning import MOST, spread, thinned_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from msggen.exports.report.flight import Track
-    from msggen.exports.report.timeline import Timeline
+    from msggen.analysis.figures import Track
+    from msggen.analysis.timeline import Timeline
 
 _DEGREES = 180 / np.pi
 _CONVERTED = {

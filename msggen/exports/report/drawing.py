@@ -12,8 +12,8 @@ from msggen.recordings.log.thinning import spread
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from msggen.exports.report.flight import Track
-    from msggen.exports.report.timeline import Timeline
+    from msggen.analysis.figures import Track
+    from msggen.analysis.timeline import Timeline
 
 MOST = 4000
 """The most points of a track."""

@@ -14,17 +14,20 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from msggen.analysis.figures import Figure, Track, duration_text, figures_of
+from msggen.analysis.finding import Findings
+from msggen.analysis.findings import findings_of
+from msggen.analysis.flight import Flight, flight_of
+from msggen.analysis.recorded import Recorded
+from msggen.analysis.rules.table import TOPICS
+from msggen.analysis.timeline import Timeline
 from msggen.base.diagnostics import few
 from msggen.base.disk.resources import resource, template_text
 from msggen.base.version import __version__
 from msggen.exports.report.charts import Charts, charts_of, data_of
 from msggen.exports.report.drawing import Drawing, bars, drawing_of
-from msggen.exports.report.findings import Finding, findings_of
-from msggen.exports.report.flight import Figure, Track, duration_text, figures_of, track_of
 from msggen.exports.report.plans import is_needed
-from msggen.exports.report.recorded import Recorded
 from msggen.exports.report.tables import Fact, changes_of, facts_of, parameters_of, topics_of
-from msggen.exports.report.timeline import Timeline, timeline_of
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -64,14 +67,27 @@ class Shown(NamedTuple):
 class Page:
     """What the template of a report sees."""
 
-    recorded: Recorded
-    timeline: Timeline
+    flight: Flight
     charts: Charts
-    flown: Track | None
 
     @property
     def _log(self) -> Log:
-        return self.recorded.log
+        return self.flight.log
+
+    @property
+    def recorded(self) -> Recorded:
+        """The samples."""
+        return self.flight.recorded
+
+    @property
+    def timeline(self) -> Timeline:
+        """What happened when."""
+        return self.flight.timeline
+
+    @property
+    def flown(self) -> Track | None:
+        """The track, None if there are no positions."""
+        return self.flight.track
 
     @property
     def version(self) -> str:
@@ -106,9 +122,9 @@ class Page:
         return figures_of(self.recorded, self.flown)
 
     @cached_property
-    def findings(self) -> list[Finding]:
-        """What a reader should know at once."""
-        return findings_of(self.recorded, self.timeline)
+    def findings(self) -> Findings:
+        """What a reader should know at once, and what the recording does not tell."""
+        return findings_of(self.flight)
 
     @cached_property
     def track(self) -> Drawing | None:
@@ -222,13 +238,12 @@ def _hash(script: str) -> str:
 def report(log: Log) -> str:
     """Return a report on a recording as one HTML page. Raises RecordingError if it has nothing to draw."""
     with np.errstate(all="ignore"):  # damaged samples have values of any size
-        recorded = Recorded(log, is_needed)
-        charts = charts_of(recorded)
+        flight = flight_of(log, lambda name: is_needed(name) or name in TOPICS)
+        charts = charts_of(flight.recorded)
         if not charts.sections:
             names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
             raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
-        page = Page(recorded, timeline_of(recorded), charts, track_of(recorded))
-        return _template().render(page=page)
+        return _template().render(page=Page(flight, charts))
 
 
 def _template() -> jinja2.Template:

@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.analysis.recorded import Recorded
 from msggen.base.diagnostics import counted
 from msggen.base.recording_formats import FORMATS
-from msggen.exports.report.recorded import Recorded
 from msggen.recordings.columns.annotations import annotation_of
 from msggen.recordings.log.origin import time_of_day
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.base.recording_formats import FORMATS
+from msggen.messages.gps import HAS_FIX
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
 
 _GPS = ("sensor_gps", "vehicle_gps_position")
-_HAS_FIX = 3
-"""The smallest `fix_type` with a position in three dimensions."""
 _YEAR_2001 = 978_307_200_000_000
 """In us since 1970. Receivers that do not know the time tell earlier ones."""
 _YEAR_2001_NS = _YEAR_2001 * 1000
@@ -102,8 +101,8 @@ def gps_offset_of(topics: Sequence[Topic], samples_of: Callable[[Topic], Samples
             continue
         utc = rows["time_utc_usec"].astype(np.int64)
         is_known = (utc > _YEAR_2001) & (utc < _LARGEST)
-        if "fix_type" in names and (is_known & (rows["fix_type"] >= _HAS_FIX)).any():
-            is_known &= rows["fix_type"] >= _HAS_FIX
+        if "fix_type" in names and (is_known & (rows["fix_type"] >= HAS_FIX)).any():
+            is_known &= rows["fix_type"] >= HAS_FIX
         if is_known.any():
             return int(np.median(utc[is_known] - samples.log_times[is_known] // 1000)) * 1000
     return None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 
+from msggen.analysis.finding import FlightRule
 from msggen.base.disk.resources import PACKAGE
-from msggen.check.finding import Category, Report, Rule
+from msggen.base.location import Location
+from msggen.check.finding import Category, Change, Finding, Report, Rule
 from msggen.check.lint.rules import LINT
 from msggen.check.run import breaking, check, lint
 from msggen.doctor.examples import example_of as example_of_vehicle
@@ -17,8 +19,10 @@ from msggen.sources.tree import Folder, Snapshot
 
 def example_of(rule: Rule) -> Report:
     """Return the findings of `rule` in its example: a pair of folders `previous` and `current`, a single folder, or a
-    vehicle.
+    vehicle, or what a rule about flights says.
     """
+    if isinstance(rule, FlightRule):
+        return _flight(rule)
     if rule in DOCTOR:
         return example_of_vehicle(rule)
     if rule in LINT:
@@ -27,6 +31,11 @@ def example_of(rule: Rule) -> Report:
     report = check(previous, current) if rule.category is Category.DRIFT else breaking(previous, current, (rule,))
     findings = tuple(finding for finding in report.findings if finding.rule is rule)
     return replace(report, rules=(rule,), findings=findings)
+
+
+def _flight(rule: FlightRule) -> Report:
+    change = Change("flight.ulg", rule.example, Location("flight.ulg", 0))
+    return Report("", "flight.ulg", (rule,), (Finding(rule, change),), 1, "1 finding: flight.ulg")
 
 
 def _example(room: str, *names: str) -> Snapshot:

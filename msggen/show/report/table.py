@@ -5,17 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from msggen.analysis.rules.table import FLIGHT
 from msggen.check.compare.rules import BREAKING, CHECKED
 from msggen.check.compare.rules import RULES as OF_COMPARISONS
 from msggen.check.finding import Rule, Severity
 from msggen.check.lint.rules import LINT
 from msggen.doctor.rules import DOCTOR, LIVE
 
-RULES = (*OF_COMPARISONS, *LINT, *DOCTOR)
+RULES = (*OF_COMPARISONS, *LINT, *DOCTOR, *FLIGHT)
 """All rules, in the order in which they are listed."""
 
 COMMANDS: Mapping[str, tuple[Rule, ...]] = MappingProxyType(
-    {"check": CHECKED, "breaking": BREAKING, "lint": LINT, "doctor": DOCTOR, "check --live": LIVE}
+    {
+        "check": CHECKED,
+        "breaking": BREAKING,
+        "lint": LINT,
+        "doctor": DOCTOR,
+        "check --live": LIVE,
+        "log findings": FLIGHT,
+    }
 )
 """The rules of each command."""
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.exports.report.recorded import Column, Recorded, tilt_of
+from msggen.analysis.recorded import Column, Recorded, tilt_of
 from msggen.messages.earth import RADIUS
+from msggen.messages.gps import HAS_FIX
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,8 +21,6 @@ _FARTHEST = 2e7
 """Half of the way around the earth in m. A position that is farther away, or no number, is none."""
 _STEP = 1.0
 """The time in s between the positions whose distances are summed: noise would add to shorter ones."""
-HAS_FIX = 3
-"""The smallest `fix_type` with a position in three dimensions."""
 
 
 class Track(NamedTuple):
@@ -121,7 +120,7 @@ def _of_motion(recorded: Recorded, track: Track | None) -> Iterator[Figure]:
 
 
 def _of_battery(recorded: Recorded) -> Iterator[Figure]:
-    for instance in batteries_of(recorded):
+    for instance in recorded.batteries():
         number = f" {instance}" if instance else ""
         used, notes = [], []
         share = recorded.while_armed("battery_status", "remaining", instance)
@@ -135,14 +134,6 @@ def _of_battery(recorded: Recorded) -> Iterator[Figure]:
             notes.append(f"at least {volts.finite.min():.2f} V")
         if used or notes:
             yield Figure(f"Battery{number}", used[0] if used else notes.pop(0), ", ".join(notes))
-
-
-def batteries_of(recorded: Recorded) -> Iterator[int]:
-    """Yield the instances of `battery_status` that are not known to be without a battery."""
-    for instance in recorded.instances("battery_status"):
-        connected = recorded.column("battery_status", "connected", instance)
-        if connected is None or connected.values.any():
-            yield instance
 
 
 def _first_of(recorded: Recorded, paths: Sequence[str], valid: str) -> Column | None:

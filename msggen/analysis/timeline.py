@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from msggen.exports.report.recorded import Recorded, spans
+from msggen.analysis.recorded import Recorded, spans
 from msggen.messages.nav_states import MODE_CONSTANTS, MODE_TITLES
 from msggen.recordings.log.series import MODES
 

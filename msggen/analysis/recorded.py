@@ -75,6 +75,31 @@ class Column(NamedTuple):
         """The values that are finite."""
         return self.values[np.isfinite(self.values)]
 
+    @property
+    def largest(self) -> float:
+        """The largest value that is finite, NaN if there is none."""
+        return float(self.finite.max()) if len(self.finite) else np.nan
+
+    @property
+    def smallest(self) -> float:
+        """The smallest value that is finite, NaN if there is none."""
+        return float(self.finite.min()) if len(self.finite) else np.nan
+
+    @property
+    def growth(self) -> float:
+        """By how much the last value is larger than the first one, 0 without values."""
+        return float(self.finite[-1] - self.finite[0]) if len(self.finite) else 0.0
+
+    def since_above(self, limit: float) -> Column:
+        """Return the column from the first value above a limit on."""
+        above = np.flatnonzero(self.values > limit)
+        first = int(above[0]) if len(above) else len(self.values)
+        return self._replace(times=self.times[first:], values=self.values[first:])
+
+    def known(self, least: float) -> Column:
+        """Return the column with NaN for values below `least`, which stand for unknown ones."""
+        return self._replace(values=np.where(self.values >= least, self.values, np.nan))
+
 
 class Recorded:
     """The topics of one vehicle, and the samples of those whose names `is_needed` takes."""
@@ -154,6 +179,13 @@ class Recorded:
         about = annotation_of(samples.topic, field)
         last = max(self.duration, float(self._seconds(samples)[-1]))
         return Series(field, self._seconds(samples), values, about, last).since(0.0)
+
+    def batteries(self) -> Iterator[int]:
+        """Yield the instances of `battery_status` that are not known to be without a battery."""
+        for instance in self.instances("battery_status"):
+            connected = self.column("battery_status", "connected", instance)
+            if connected is None or connected.values.any():
+                yield instance
 
     def _seconds(self, samples: Samples) -> NDArray[np.float64]:
         return (samples.log_times - self.log.start) / 1e9

@@ -1,0 +1,135 @@
+"""What the recording itself tells: damage, dropouts, its end, texts and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+from msggen.analysis.finding import FlightRule, Seen
+from msggen.base.diagnostics import counted, few
+from msggen.base.recording_formats import FORMATS
+from msggen.check.finding import Category, Severity
+
+if TYPE_CHECKING:
+    from msggen.analysis.flight import Flight
+
+_SEVERE = ("emergency", "alert", "critical", "error")
+
+
+def _damage(flight: Flight) -> Iterator[Seen]:
+    if problems := flight.log.problems:
+        yield Seen(f"the recording is damaged: {counted(len(problems), 'problem')}", values={"problems": len(problems)})
+
+
+def _hard_fault(flight: Flight) -> Iterator[Seen]:
+    if "hardfault_plain" in flight.log.information:
+        yield Seen("the firmware crashed before this log: it has the text of a hard fault")
+
+
+def _dropouts(flight: Flight) -> Iterator[Seen]:
+    log = flight.log
+    if not log.dropouts:
+        return
+    seconds = [each.duration / 1e9 for each in log.dropouts]
+    lost = f"{sum(seconds):.2f} s are missing, at most {max(seconds):.2f} s at a time"
+    begin, last = ((each.time - log.start) / 1e9 for each in (log.dropouts[0], log.dropouts[-1]))
+    values = {"dropouts": len(seconds), "missing_s": sum(seconds), "longest_s": max(seconds)}
+    yield Seen(f"{counted(len(seconds), 'dropout')} of the logger: {lost}", begin, last + seconds[-1], values)
+
+
+def _end(flight: Flight) -> Iterator[Seen]:
+    recorded = flight.recorded
+    landed = recorded.column("vehicle_land_detected", "landed")
+    is_armed = bool(recorded.armed) and recorded.armed[-1][1] >= recorded.duration
+    if landed and is_armed and not landed.values[-1]:
+        is_vehicles = FORMATS[recorded.log.kind].is_of_vehicle  # other recorders are ended at any time
+        level = "warning" if is_vehicles else "info"
+        yield Seen("the recording ends in the air", recorded.duration, level=level)
+
+
+def _texts(levels: tuple[str, ...], flight: Flight) -> Iterator[Seen]:
+    found = [mark for mark in flight.timeline.marks if mark.level in levels]
+    if found:
+        texts = few(list(dict.fromkeys(mark.text.strip() for mark in found)))
+        text = f"{counted(len(found), levels[-1])} in the vehicle's log: {texts}"
+        yield Seen(text, found[0].time, found[-1].time, {"texts": len(found)})
+
+
+def _parameters(flight: Flight) -> Iterator[Seen]:
+    changed = flight.log.facts.changed_parameters
+    if changed:
+        names = few(list(dict.fromkeys(name for _, name, _ in changed)))
+        begin, end = ((each[0] - flight.log.start) / 1e9 for each in (changed[0], changed[-1]))
+        yield Seen(f"parameters changed during the log: {names}", begin, end, {"changes": len(changed)}, "info")
+
+
+RULES = (
+    FlightRule(
+        "LOG_DAMAGED",
+        "parts of the recording cannot be read",
+        Category.FLIGHT,
+        _damage,
+        fix="Read the list of problems: `msggen log info`. What can be read is told; what is missing may have been "
+        "worse. Write the readable part with `msggen log mcap repair` or `msggen log convert`.",
+        example="the recording is damaged: 1 problem",
+    ),
+    FlightRule(
+        "HARD_FAULT",
+        "the firmware crashed before the recording began",
+        Category.FLIGHT,
+        _hard_fault,
+        fix="Do not fly before the cause is known. `log.information['hardfault_plain']` has the text: PX4's "
+        "developers need it, with the firmware's ELF file.",
+        example="the firmware crashed before this log: it has the text of a hard fault",
+    ),
+    FlightRule(
+        "LOG_DROPOUTS",
+        "the logger lost samples, because the storage was too slow",
+        Category.FLIGHT,
+        _dropouts,
+        severity=Severity.WARNING,
+        fix="Use a faster SD card, format it, or log fewer topics, which SDLOG_PROFILE selects.",
+        source="the dropouts that PX4's logger writes into the log",
+        example="2 dropouts of the logger: 0.30 s are missing, at most 0.20 s at a time",
+    ),
+    FlightRule(
+        "LOG_ENDS_IN_AIR",
+        "the recording ends while the vehicle flies",
+        Category.FLIGHT,
+        _end,
+        severity=Severity.WARNING,
+        needs=(("vehicle_land_detected.landed",),),
+        uses=("vehicle_status", "actuator_armed"),
+        fix="If the vehicle crashed, the last seconds tell why, and the power may have failed. If not, the storage "
+        "was full or was removed, or SDLOG_MODE ends the log in flight.",
+        example="the recording ends in the air",
+    ),
+    FlightRule(
+        "ERRORS_LOGGED",
+        "the vehicle logged texts or events from `error` on",
+        Category.FLIGHT,
+        partial(_texts, _SEVERE),
+        fix="Read the texts and events in their order: `msggen log show`, or the table in the report.",
+        example="2 errors in the vehicle's log: Failsafe activated and Motor failure",
+    ),
+    FlightRule(
+        "WARNINGS_LOGGED",
+        "the vehicle logged texts or events of the level `warning`",
+        Category.FLIGHT,
+        partial(_texts, ("warning",)),
+        severity=Severity.WARNING,
+        fix="Read the texts and events in their order: `msggen log show`, or the table in the report.",
+        example="1 warning in the vehicle's log: Low battery",
+    ),
+    FlightRule(
+        "PARAMETERS_CHANGED",
+        "parameters changed during the recording",
+        Category.FLIGHT,
+        _parameters,
+        severity=Severity.WARNING,
+        fix="Compare the flight before and after the change apart.",
+        example="parameters changed during the log: MPC_XY_CRUISE",
+    ),
+)
+"""The rules."""
