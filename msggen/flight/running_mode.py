@@ -56,6 +56,8 @@ class ActiveMode(Active):
         """The result of the next run of `fly`, for the executor that waits for it."""
         self._flown: asyncio.Future[None] | None = None
         """The same for the current run."""
+        self._is_free = False
+        """Whether a run is under way, and nobody waits for its end."""
         self._is_flying = False
         """Whether `fly` runs, and has not been cancelled."""
         self._abandoned = float("-inf")
@@ -168,16 +170,19 @@ class ActiveMode(Active):
         return status is not None and condition(status)
 
     async def run(self, actions: Actions) -> None:
-        """Select the mode, and wait for the end of `fly`.
+        """Wait for the end of `fly`, which may be under way: arming starts it. Else select the mode.
 
         Raises what `fly` raises, NotReachedError if the mode is left, and FlightError while the vehicle is disarmed.
         """
         status = self.feeds["vehicle_status"].latest
         if not (self.mode.flies_disarmed or status is None or is_armed(status)):
             raise FlightError(f"mode {self.mode.name!r} needs an armed vehicle: `await flight.arm()` or `wait_armed()`")
+        joins = self._is_free
         flown = self._await_end()
         try:
-            if self.is_active:
+            if joins:
+                self._take_waiting()
+            elif self.is_active:
                 self.restart()
             else:
                 await actions._select(self.ids.mode, self.mode.name)  # noqa: SLF001 - of the same library
@@ -212,8 +217,13 @@ class ActiveMode(Active):
         """Run `fly` once more, while the mode is active."""
         before = self._task or self._ended
         self._end_run()
+        self._take_waiting()
+        self._task = watched(self._fly(before), f"fly {self.mode.name}", self._break)
+
+    def _take_waiting(self) -> None:
+        """Let who waits for the next run wait for the current one."""
         self._flown, self._wanted = self._wanted, None
-        self._task = watched(self._fly(self._flown, before), f"fly {self.mode.name}", self._break)
+        self._is_free = self._flown is None
 
     def lose(self, error: FlightError) -> None:
         """End `fly` with an error, because the vehicle no longer knows the mode."""
@@ -275,7 +285,7 @@ class ActiveMode(Active):
             self._end_run()
 
     def _end_run(self) -> None:
-        self._is_flying = False
+        self._is_flying = self._is_free = False
         if self._task is not None:
             self._task.cancel(None if self._lost is None else str(self._lost))
             self._ended, self._task = self._task, None
@@ -285,7 +295,7 @@ class ActiveMode(Active):
             why = "" if status is None else f": {described(status)}"
             flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end{why}"))
 
-    async def _fly(self, flown: asyncio.Future[None] | None, before: asyncio.Task[None] | None) -> None:
+    async def _fly(self, before: asyncio.Task[None] | None) -> None:
         """Run `fly`, once the run before has come to its end, and tell how it ended until the mode is left."""
         if before is not None:
             await asyncio.wait([before])
@@ -296,21 +306,21 @@ class ActiveMode(Active):
             await self.mode.fly()
         except asyncio.CancelledError:
             if self._task is asyncio.current_task():  # the mode was not left: something else has cancelled it
-                self._fail(FlightError(f"`fly` of mode {self.mode.name!r} was cancelled"), flown)
+                self._fail(FlightError(f"`fly` of mode {self.mode.name!r} was cancelled"))
                 self._tell(result)
             raise
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             if self._task is not asyncio.current_task():
                 self._report_late(error)
                 return
-            self._fail(error, flown)
+            self._fail(error)
         else:
             if self._task is not asyncio.current_task():
                 return
             result = _SUCCESS
             self.has_failed = not self._hold_or_stop()
-            if flown is not None and not flown.done():
-                flown.set_result(None)
+            if self._flown is not None and not self._flown.done():
+                self._flown.set_result(None)
         while True:
             self._tell(result)
             await asyncio.sleep(_REPEAT)
@@ -320,7 +330,7 @@ class ActiveMode(Active):
         report(f"mode {self.mode.name!r} has failed", error)
         if self._task is not task:
             return
-        self.has_failed = True
+        self.has_failed, self._is_free = True, False
         self._stream.pause()
         flown, self._flown = self._flown, None
         if flown is not None and not flown.done():
@@ -331,18 +341,18 @@ class ActiveMode(Active):
         if not isinstance(error, NotReachedError):
             report(f"mode {self.mode.name!r} was left, and its end has failed", error)
 
-    def _fail(self, error: Exception, flown: asyncio.Future[None] | None) -> None:
+    def _fail(self, error: Exception) -> None:
         is_held = self._hold_or_stop()
-        if flown is not None and not flown.done():
+        if self._flown is not None and not self._flown.done():
             self.has_failed = not is_held
-            flown.set_exception(error)  # the executor decides
+            self._flown.set_exception(error)  # the executor decides
         else:
             self.has_failed = True
             report(f"mode {self.mode.name!r} has failed", error)
 
     def _hold_or_stop(self) -> bool:
         """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
-        self._is_flying = False
+        self._is_flying = self._is_free = False
         return self._hold_or_pause()
 
     def _hold_or_pause(self) -> bool:
