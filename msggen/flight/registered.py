@@ -109,11 +109,10 @@ class Parts:
         if isinstance(mode, Check):
             check_check(mode)
         else:
-            mode.meet(self._feeds["vehicle_status"].latest)
+            status = self._feeds["vehicle_status"].latest
+            mode.meet(status, topics.takes)
             check_mode(mode, is_owned=executor is not None)
-            check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
-            for topic in (topic for kind in mode.setpoints for topic in kind.topics):
-                topics.incoming(topic)
+            check_kinds(mode.name, mode.setpoints, status, topics)
             self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
             check_overrides(topics, mode.keeps)
         if executor is not None:

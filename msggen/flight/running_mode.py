@@ -12,7 +12,7 @@ from msggen.flight.answering import Active
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
-from msggen.flight.followers import NOW_FLIES, check_declared, check_follows
+from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, use_for
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
@@ -21,7 +21,7 @@ from msggen.flight.registration import Ids
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.space import Vector
-from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover
+from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of
 from msggen.flight.steering import Steering
 from msggen.flight.telemetry import checked_estimate, is_landed
 from msggen.flight.vtol import change, must_change
@@ -129,7 +129,7 @@ class ActiveMode(Active):
                     "before PX4 v1.17, a VTOL changes in PX4's own modes only: `await flight.hold()`, then "
                     f"`await flight.to_{'fixed_wing' if is_forward else 'multicopter'}()`"
                 ) from None
-            check_declared(self.mode.name, self.mode.setpoints, kind)
+            check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
         self._steering.cross(checked_estimate(self.feeds), is_forward=is_forward)
         self._is_changing = True
         try:
@@ -140,13 +140,16 @@ class ActiveMode(Active):
             if self._is_flying:
                 self._hold_or_pause()
 
-    def hold(self) -> bool:
-        """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
+    def hold(self) -> None:
+        """Hold the place where the vehicle comes to rest.
 
-        Return False if this place is not known, or if the mode has no setpoints for it.
+        Raises NotReachedError unless `fly` runs, and UnsupportedError if the mode has no setpoints for that.
         """
         self._check_flying()
-        return self._steering.hold()
+        if not self._steering.hold():
+            status = self.feeds["vehicle_status"].latest
+            use = f"for {title_of(status)}, {use_for(status, self._topics)}"
+            raise UnsupportedError(f"mode {self.mode.name!r} cannot hold a place by its `setpoints`: {use}")
 
     def _check_flying(self) -> None:
         if not self._is_flying:
@@ -154,8 +157,8 @@ class ActiveMode(Active):
 
     def _check_sent(self, kind: Kind) -> None:
         self._check_flying()
-        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest)
-        check_declared(self.mode.name, self.mode.setpoints, kind)
+        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest, self._topics)
+        check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
         if self._begins_on_ground and kind.is_placed:
             self._begins_on_ground = False
             if self._is_stuck():

@@ -16,8 +16,8 @@ from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
 from msggen.sim.places import Home
 from support.examples import examples
-from support.flight_releases import RELEASES
 from support.flown import Flown, fly
+from support.kinds import RELEASES
 
 UP = Home().altitude + 3.0
 PLAN = Plan((ActionItem("takeoff", {"altitude": UP}), ActionItem("hold", {"duration": 2.0})))
