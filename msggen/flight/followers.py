@@ -24,6 +24,9 @@ _NAMES: Final = MappingProxyType(
     {value: name for name, value in vars(setpoints).items() if isinstance(value, Kind) and name.isupper()}
 )
 """The names of kinds in programs, and of those that belong together."""
+_NO_TRANSITION: Final = (
+    "the VTOL changes between hovering and forward flight, and the mode does not declare TRAJECTORY and FIXED_WING"
+)
 NOW_FLIES: Final = MappingProxyType({True: "the VTOL flies on its wings now", False: "the VTOL hovers now"})
 
 
@@ -55,6 +58,17 @@ def check_follows(name: str, kind: Kind, status: Any, topics: Topics) -> None:
             f"mode {name!r}: {NOW_FLIES[is_on_wings(status)]}, and does not follow {kind.name} setpoints: "
             f"`await self.{how}()` before"
         )
+
+
+def lacks(kinds: Sequence[Kind], status: Any) -> str:
+    """Return why a mode with kinds of setpoints cannot fly a VTOL as it flies now, "" if it can."""
+    if status is None or not status.is_vtol or not kinds:
+        return ""
+    if is_in_transition(status):
+        both = {setpoints.TRAJECTORY, setpoints.FIXED_WING} <= {*kinds}
+        return "" if both or not all(kind.is_placed for kind in kinds) else _NO_TRANSITION
+    can_fly = any(status.vehicle_type in kind.followed_by for kind in kinds)
+    return "" if can_fly else f"{NOW_FLIES[is_on_wings(status)]}, and the mode declares no setpoints for that"
 
 
 def check_declared(name: str, kinds: Sequence[Kind], kind: Kind, topics: Topics) -> None:

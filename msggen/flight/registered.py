@@ -327,7 +327,7 @@ class Parts:
     def _problems_in(self, mode: int) -> list[str]:
         """Return the problems of the mode with a nav_state, and of checks without a mode."""
         reporting = [each for each in self._active.values() if each.ids.mode in {mode, NONE}]
-        return [f"{each.ids.name!r} reports {found.event}" for each in reporting for found in each.verdict().problems]
+        return [f"{each.ids.name!r} reports {found}" for each in reporting for found in each.verdict().problems]
 
     # after a restart
 

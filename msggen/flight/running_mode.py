@@ -9,10 +9,11 @@ from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.answering import Active
+from msggen.flight.checks import Problem, Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
-from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, use_for
+from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, lacks, use_for
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
@@ -67,6 +68,8 @@ class ActiveMode(Active):
         self.configuration = Configuration(connection, feeds, ids.mode)
         self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
         self._steering = Steering(self._stream, self._topics, feeds, self._fence, mode.setpoints)
+        self._lacking = ""
+        """Why the mode has no setpoints to fly the vehicle by, if that was told."""
         self._is_changing = False
         """Whether the mode itself lets a VTOL change between hovering and forward flight."""
         self._task: asyncio.Task[None] | None = None
@@ -93,6 +96,14 @@ class ActiveMode(Active):
     def requires(self) -> Requirement:
         """See Active."""
         return needs_of(self.mode)
+
+    def verdict(self) -> Verdict:
+        """See Active. PX4 does not enter the mode, and leaves it, while the mode has no setpoints to fly a VTOL by."""
+        found, why = super().verdict(), lacks(self.mode.setpoints, self.feeds["vehicle_status"].latest)
+        if why != self._lacking:
+            self._lacking = why
+            LOGGER.warning("mode %r %s", self.mode.name, f"cannot fly: {why}" if why else "can fly again")
+        return found._replace(problems=(*found.problems, Problem("mode_lacks_setpoints", text=why))) if why else found
 
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint of one message from now on. Raises as `send_each`."""

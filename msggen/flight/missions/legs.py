@@ -64,7 +64,8 @@ class MissionMode(Mode):
 
     def problems(self) -> list[Problem]:
         """Let PX4 not enter the mode while the mission cannot be flown."""
-        return [Problem("mission_not_ready")] if self.unready() else []
+        reasons = self.unready()
+        return [Problem("mission_not_ready", text=", ".join(reasons))] if reasons else []
 
     def beyond(self, places: Iterable[tuple[int, float, float, float]]) -> list[str]:
         """Return which items have places that `goto` would refuse, as texts.
