@@ -57,6 +57,8 @@ class Problem:
     """The arguments of the event: each a type of event metadata, such as `uint8_t` or `float`, and a value. 20 bytes
     at most. In the metadata, two arguments of PX4 come before them: a `uint32_t` with modes, a `uint8_t` with the
     component."""
+    text: str = ""
+    """What it means, for people: in the errors and logs of this program. The vehicle does not get it."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.event, str):
@@ -65,6 +67,9 @@ class Problem:
             raise TypeError(f"expected a Severity, such as Severity.WARNING, got {self.severity!r}")
         event_id(self.event)
         packed(self.arguments)
+
+    def __str__(self) -> str:
+        return f"{self.event}: {self.text}" if self.text else self.event
 
     @property
     def number(self) -> int:

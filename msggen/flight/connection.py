@@ -8,7 +8,7 @@ from types import MappingProxyType, ModuleType
 from typing import Any, Final, Protocol
 
 from msggen.flight.errors import UnsupportedError
-from msggen.messages.setpoints import MODES, SENT
+from msggen.messages.setpoints import MODES, SENT, Kind
 
 Take = Callable[[Any], None]
 """Takes a message."""
@@ -59,6 +59,15 @@ class Topics:
     def has(self, direction: str, topic: str) -> bool:
         """Whether the firmware bridges a topic."""
         return (direction, topic) in self._endpoints
+
+    def takes(self, kind: Kind) -> bool:
+        """Whether the firmware bridges all messages of a kind of setpoints."""
+        return all(self.has("in", topic) for topic in kind.topics)
+
+    def check_takes(self, kind: Kind) -> None:
+        """Raise UnsupportedError for a kind of setpoints of which the firmware does not bridge all messages."""
+        for topic in kind.topics:
+            self.incoming(topic)
 
     def endpoint(self, direction: str, topic: str) -> Any:
         """Return the endpoint of a topic. Raises UnsupportedError."""

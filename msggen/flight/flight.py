@@ -186,6 +186,8 @@ class Flight(Actions):
     async def fly(self, part: type[Mode | Executor] | Mode | Executor) -> None:
         """Select a registered mode, or the mode of a registered executor, and wait for its end.
 
+        If it flies already, and nobody waits for it, this waits for that end: arming starts the mode that is selected.
+
         Afterwards, the vehicle holds its place in this mode. An executor leaves it where its `run` ends.
 
         Raises what `fly` or `run` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left early or the

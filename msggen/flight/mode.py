@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from typing import Any, ClassVar
 
 from msggen.flight import usage
 from msggen.flight.actuators import Actuated
 from msggen.flight.answering import Answering
-from msggen.flight.errors import FlightError, UnsupportedError
+from msggen.flight.errors import FlightError
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps
@@ -65,8 +65,11 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
         """
         raise NotImplementedError
 
-    def meet(self, status: Any) -> None:
-        """Set `setpoints` by a VehicleStatus before registration, in a mode for several kinds of vehicles."""
+    def meet(self, status: Any, takes: Callable[[Kind], bool]) -> None:
+        """Set `setpoints` before registration, in a mode for several kinds of vehicles.
+
+        `status` is a VehicleStatus, or None. `takes` tells whether the firmware takes a kind.
+        """
 
     # Where the vehicle is
 
@@ -186,14 +189,10 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
 
         On wings, the vehicle circles to the right: around the place that `goto` has reached, if it has.
 
-        Raises NoAnswerError without a valid position.
+        Raises NoAnswerError without a valid position, and UnsupportedError if no declared kind of setpoints holds it.
         """
         await self._estimate()
-        if not self._own.hold():
-            raise UnsupportedError(
-                f"mode {self.name!r} cannot hold a place: add GOTO or TRAJECTORY to its `setpoints`, or FIXED_WING for "
-                "wings, or ROVER for a rover"
-            )
+        self._own.hold()
         await asyncio.sleep(seconds)
 
     def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:

@@ -109,11 +109,10 @@ class Parts:
         if isinstance(mode, Check):
             check_check(mode)
         else:
-            mode.meet(self._feeds["vehicle_status"].latest)
+            status = self._feeds["vehicle_status"].latest
+            mode.meet(status, topics.takes)
             check_mode(mode, is_owned=executor is not None)
-            check_kinds(mode.name, mode.setpoints, self._feeds["vehicle_status"].latest)
-            for topic in (topic for kind in mode.setpoints for topic in kind.topics):
-                topics.incoming(topic)
+            check_kinds(mode.name, mode.setpoints, status, topics)
             self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
             check_overrides(topics, mode.keeps)
         if executor is not None:
@@ -328,7 +327,7 @@ class Parts:
     def _problems_in(self, mode: int) -> list[str]:
         """Return the problems of the mode with a nav_state, and of checks without a mode."""
         reporting = [each for each in self._active.values() if each.ids.mode in {mode, NONE}]
-        return [f"{each.ids.name!r} reports {found.event}" for each in reporting for found in each.verdict().problems]
+        return [f"{each.ids.name!r} reports {found}" for each in reporting for found in each.verdict().problems]
 
     # after a restart
 

@@ -43,15 +43,12 @@ class Charge:
         """Whether `run` has begun since a user has selected the mode."""
         self._was_cut = False
         """Whether a failsafe has ended `run` in flight. `run` starts again if the failsafe clears in flight."""
+        self._is_free = False
+        """Whether `run` is under way, and nobody waits for its end."""
         self._was_own = self._flies_own = False
         """Whether its own mode was active, and whether the executor itself has selected it."""
         self._is_ready = False
         executor._charge = self  # noqa: SLF001 - its own part
-
-    @property
-    def is_in_charge(self) -> bool:
-        """Whether `run` is under way."""
-        return self._task is not None
 
     def begin(self, status: Any) -> None:
         """Follow the vehicle from now on: it has read the first reply of the mode, and can be armed in it."""
@@ -60,12 +57,13 @@ class Charge:
             self.follow(status)
 
     async def wait_end(self, actions: Actions) -> None:
-        """Select the mode of the executor as a user does, and wait for the end of `run`.
+        """Wait for the end of `run`, which may be under way: arming starts it. Else select its mode as a user does.
 
         A cancellation ends `run`: a mode of PX4 that it has selected goes on.
 
         Raises what `run` raises, and NotReachedError if the executor is no longer in charge.
         """
+        joins = self._is_free
         self._finish(NotReachedError(f"{self._name} is started anew"))
         wanted = self._wanted = asyncio.get_running_loop().create_future()
         wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
@@ -74,7 +72,8 @@ class Charge:
             if self.executor.starts == "armed" and not self._was_armed:
                 LOGGER.warning("%s starts when the vehicle is armed: see `starts`", self._name)
         try:
-            await actions._select(self.ids.mode, self.executor.mode.name)  # noqa: SLF001 - of the same library
+            if not joins:
+                await actions._select(self.ids.mode, self.executor.mode.name)  # noqa: SLF001 - of the same library
             await self.find(self.executor.mode).feeds.while_heard(wanted)
         except BaseException:
             if self._wanted is wanted:
@@ -126,7 +125,7 @@ class Charge:
 
     def _begin(self, *, is_armed: bool) -> None:
         if is_armed or self.executor.starts != "armed":
-            self._has_run, self._was_cut = True, False
+            self._has_run, self._was_cut, self._is_free = True, False, self._wanted is None
             self.overrides.renew()
             self._task = watched(self._run(self._ended), type(self.executor).__name__, self._break)
 
@@ -139,6 +138,7 @@ class Charge:
 
     def _finish(self, error: Exception | None = None) -> None:
         """Tell who waits for the end of `run` how it has ended."""
+        self._is_free = False
         wanted, self._wanted = self._wanted, None
         if wanted is not None and not wanted.done():
             wanted.set_result(None) if error is None else wanted.set_exception(error)

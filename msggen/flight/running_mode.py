@@ -9,10 +9,11 @@ from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.answering import Active
+from msggen.flight.checks import Problem, Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
-from msggen.flight.followers import NOW_FLIES, check_declared, check_follows
+from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, lacks, use_for
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
@@ -21,7 +22,7 @@ from msggen.flight.registration import Ids
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.space import Vector
-from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover
+from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of
 from msggen.flight.steering import Steering
 from msggen.flight.telemetry import checked_estimate, is_landed
 from msggen.flight.vtol import change, must_change
@@ -56,6 +57,8 @@ class ActiveMode(Active):
         """The result of the next run of `fly`, for the executor that waits for it."""
         self._flown: asyncio.Future[None] | None = None
         """The same for the current run."""
+        self._is_free = False
+        """Whether a run is under way, and nobody waits for its end."""
         self._is_flying = False
         """Whether `fly` runs, and has not been cancelled."""
         self._abandoned = float("-inf")
@@ -65,6 +68,8 @@ class ActiveMode(Active):
         self.configuration = Configuration(connection, feeds, ids.mode)
         self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
         self._steering = Steering(self._stream, self._topics, feeds, self._fence, mode.setpoints)
+        self._lacking = ""
+        """Why the mode has no setpoints to fly the vehicle by, if that was told."""
         self._is_changing = False
         """Whether the mode itself lets a VTOL change between hovering and forward flight."""
         self._task: asyncio.Task[None] | None = None
@@ -91,6 +96,14 @@ class ActiveMode(Active):
     def requires(self) -> Requirement:
         """See Active."""
         return needs_of(self.mode)
+
+    def verdict(self) -> Verdict:
+        """See Active. PX4 does not enter the mode, and leaves it, while the mode has no setpoints to fly a VTOL by."""
+        found, why = super().verdict(), lacks(self.mode.setpoints, self.feeds["vehicle_status"].latest)
+        if why != self._lacking:
+            self._lacking = why
+            LOGGER.warning("mode %r %s", self.mode.name, f"cannot fly: {why}" if why else "can fly again")
+        return found._replace(problems=(*found.problems, Problem("mode_lacks_setpoints", text=why))) if why else found
 
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint of one message from now on. Raises as `send_each`."""
@@ -127,7 +140,7 @@ class ActiveMode(Active):
                     "before PX4 v1.17, a VTOL changes in PX4's own modes only: `await flight.hold()`, then "
                     f"`await flight.to_{'fixed_wing' if is_forward else 'multicopter'}()`"
                 ) from None
-            check_declared(self.mode.name, self.mode.setpoints, kind)
+            check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
         self._steering.cross(checked_estimate(self.feeds), is_forward=is_forward)
         self._is_changing = True
         try:
@@ -138,13 +151,16 @@ class ActiveMode(Active):
             if self._is_flying:
                 self._hold_or_pause()
 
-    def hold(self) -> bool:
-        """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
+    def hold(self) -> None:
+        """Hold the place where the vehicle comes to rest.
 
-        Return False if this place is not known, or if the mode has no setpoints for it.
+        Raises NotReachedError unless `fly` runs, and UnsupportedError if the mode has no setpoints for that.
         """
         self._check_flying()
-        return self._steering.hold()
+        if not self._steering.hold():
+            status = self.feeds["vehicle_status"].latest
+            use = f"for {title_of(status)}, {use_for(status, self._topics)}"
+            raise UnsupportedError(f"mode {self.mode.name!r} cannot hold a place by its `setpoints`: {use}")
 
     def _check_flying(self) -> None:
         if not self._is_flying:
@@ -152,8 +168,8 @@ class ActiveMode(Active):
 
     def _check_sent(self, kind: Kind) -> None:
         self._check_flying()
-        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest)
-        check_declared(self.mode.name, self.mode.setpoints, kind)
+        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest, self._topics)
+        check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
         if self._begins_on_ground and kind.is_placed:
             self._begins_on_ground = False
             if self._is_stuck():
@@ -168,16 +184,19 @@ class ActiveMode(Active):
         return status is not None and condition(status)
 
     async def run(self, actions: Actions) -> None:
-        """Select the mode, and wait for the end of `fly`.
+        """Wait for the end of `fly`, which may be under way: arming starts it. Else select the mode.
 
         Raises what `fly` raises, NotReachedError if the mode is left, and FlightError while the vehicle is disarmed.
         """
         status = self.feeds["vehicle_status"].latest
         if not (self.mode.flies_disarmed or status is None or is_armed(status)):
             raise FlightError(f"mode {self.mode.name!r} needs an armed vehicle: `await flight.arm()` or `wait_armed()`")
+        joins = self._is_free
         flown = self._await_end()
         try:
-            if self.is_active:
+            if joins:
+                self._take_waiting()
+            elif self.is_active:
                 self.restart()
             else:
                 await actions._select(self.ids.mode, self.mode.name)  # noqa: SLF001 - of the same library
@@ -212,8 +231,13 @@ class ActiveMode(Active):
         """Run `fly` once more, while the mode is active."""
         before = self._task or self._ended
         self._end_run()
+        self._take_waiting()
+        self._task = watched(self._fly(before), f"fly {self.mode.name}", self._break)
+
+    def _take_waiting(self) -> None:
+        """Let who waits for the next run wait for the current one."""
         self._flown, self._wanted = self._wanted, None
-        self._task = watched(self._fly(self._flown, before), f"fly {self.mode.name}", self._break)
+        self._is_free = self._flown is None
 
     def lose(self, error: FlightError) -> None:
         """End `fly` with an error, because the vehicle no longer knows the mode."""
@@ -275,7 +299,7 @@ class ActiveMode(Active):
             self._end_run()
 
     def _end_run(self) -> None:
-        self._is_flying = False
+        self._is_flying = self._is_free = False
         if self._task is not None:
             self._task.cancel(None if self._lost is None else str(self._lost))
             self._ended, self._task = self._task, None
@@ -285,7 +309,7 @@ class ActiveMode(Active):
             why = "" if status is None else f": {described(status)}"
             flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end{why}"))
 
-    async def _fly(self, flown: asyncio.Future[None] | None, before: asyncio.Task[None] | None) -> None:
+    async def _fly(self, before: asyncio.Task[None] | None) -> None:
         """Run `fly`, once the run before has come to its end, and tell how it ended until the mode is left."""
         if before is not None:
             await asyncio.wait([before])
@@ -296,21 +320,21 @@ class ActiveMode(Active):
             await self.mode.fly()
         except asyncio.CancelledError:
             if self._task is asyncio.current_task():  # the mode was not left: something else has cancelled it
-                self._fail(FlightError(f"`fly` of mode {self.mode.name!r} was cancelled"), flown)
+                self._fail(FlightError(f"`fly` of mode {self.mode.name!r} was cancelled"))
                 self._tell(result)
             raise
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             if self._task is not asyncio.current_task():
                 self._report_late(error)
                 return
-            self._fail(error, flown)
+            self._fail(error)
         else:
             if self._task is not asyncio.current_task():
                 return
             result = _SUCCESS
             self.has_failed = not self._hold_or_stop()
-            if flown is not None and not flown.done():
-                flown.set_result(None)
+            if self._flown is not None and not self._flown.done():
+                self._flown.set_result(None)
         while True:
             self._tell(result)
             await asyncio.sleep(_REPEAT)
@@ -320,7 +344,7 @@ class ActiveMode(Active):
         report(f"mode {self.mode.name!r} has failed", error)
         if self._task is not task:
             return
-        self.has_failed = True
+        self.has_failed, self._is_free = True, False
         self._stream.pause()
         flown, self._flown = self._flown, None
         if flown is not None and not flown.done():
@@ -331,18 +355,18 @@ class ActiveMode(Active):
         if not isinstance(error, NotReachedError):
             report(f"mode {self.mode.name!r} was left, and its end has failed", error)
 
-    def _fail(self, error: Exception, flown: asyncio.Future[None] | None) -> None:
+    def _fail(self, error: Exception) -> None:
         is_held = self._hold_or_stop()
-        if flown is not None and not flown.done():
+        if self._flown is not None and not self._flown.done():
             self.has_failed = not is_held
-            flown.set_exception(error)  # the executor decides
+            self._flown.set_exception(error)  # the executor decides
         else:
             self.has_failed = True
             report(f"mode {self.mode.name!r} has failed", error)
 
     def _hold_or_stop(self) -> bool:
         """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
-        self._is_flying = False
+        self._is_flying = self._is_free = False
         return self._hold_or_pause()
 
     def _hold_or_pause(self) -> bool:

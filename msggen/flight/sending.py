@@ -40,8 +40,8 @@ class Registered(Protocol):
     def check_goto(self, place: Vector) -> None:
         """See Fence."""
 
-    def hold(self) -> bool:
-        """Hold the place where the vehicle is."""
+    def hold(self) -> None:
+        """Hold the place where the vehicle is. Raises UnsupportedError."""
 
     async def change(self, *, is_forward: bool, seconds: float) -> None:
         """Let a VTOL change to forward flight, or to hovering."""

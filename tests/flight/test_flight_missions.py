@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.errors import FlightError, NotReachedError, RefusedError
+from msggen.flight.connection import Topics
+from msggen.flight.errors import FlightError, NotReachedError, RefusedError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.missions import (
@@ -33,6 +34,7 @@ from msggen.flight.places import GlobalPlace
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.space import Vector
 from msggen.messages import commands, earth
+from msggen.messages.setpoints import FIXED_WING
 from msggen.sim import Options as SimOptions
 from msggen.sim.loop import run
 from msggen.sim.places import Home
@@ -828,6 +830,25 @@ def test_a_mission_takes_each_vehicle_to_its_waypoints(px4_types: Any, kind: str
 
     fly(px4_types, program, SimOptions(vehicle=kind))
     assert max(nearest) < (3.0 if kind == "rover" else 60.0)
+
+
+@pytest.mark.parametrize("kind", ["plane", "vtol", "rover"])
+def test_a_mission_asks_for_what_the_release_takes(types: Any, kind: str) -> None:
+    """Before v1.17, a VTOL hovers, and planes and rovers have no setpoints that go to places."""
+
+    async def program(flight: Flight, _: Flown) -> None:
+        mission = Mission(Plan((ActionItem("rtl"),)))
+        takes = Topics(types).takes
+        if kind == "vtol" or takes(FIXED_WING):
+            await flight.add(mission)
+            assert mission._mode.setpoints
+            assert all(map(takes, mission._mode.setpoints))
+            assert (FIXED_WING in mission._mode.setpoints) == (kind != "rover" and takes(FIXED_WING))
+        else:
+            with pytest.raises(UnsupportedError, match=r"PX4 v1\.17 and later have it"):
+                await flight.add(mission)
+
+    fly(types, program, SimOptions(vehicle=kind))
 
 
 def test_a_mission_holds_for_a_time(types: Any) -> None:

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import re
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import msggen.flight
 from msggen.flight.errors import FlightError, UnsupportedError
 from msggen.flight.flight import Flight
+from msggen.flight.followers import use_for
 from msggen.flight.mode import Mode
-from msggen.messages.setpoints import FIXED_WING, KINDS, SENT, Kind
+from msggen.messages.setpoints import ATTITUDE, FIXED_WING, KINDS, SENT, Kind
 from msggen.messages.vehicle_types import FIXED_WING as WINGS
 from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.sim import Options
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, Sent, fly
-from support.kinds import VEHICLES, followed, in_air, is_bridged, send
+from support.kinds import RELEASES, VEHICLES, followed, in_air, is_bridged, send
 
 pytest_plugins = ["support.flight_releases"]
 
@@ -51,6 +55,48 @@ def with_kind(kind: Kind) -> Mode:
     return Declares()
 
 
+def advised(text: str) -> set[Kind]:
+    """Return the kinds that an error says to declare."""
+    _, _, rest = text.partition("`setpoints = ")
+    found = eval(rest.partition("`")[0], dict(vars(msggen.flight)))  # noqa: S307 - of this repository
+    return {*found}
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+@pytest.mark.parametrize("each", RELEASES)
+def test_what_is_advised_for_a_vehicle_is_what_its_release_takes(vehicle: str, each: str) -> None:
+    one, *others = VEHICLES[vehicle]
+    status = SimpleNamespace(vehicle_type=one, is_vtol=bool(others))
+    topics: Any = SimpleNamespace(takes=partial(is_bridged, release=each))
+    found = advised(use_for(status, topics))
+    assert found
+    assert found <= {*followed(vehicle, each)}
+    if each in {"v1.15", "v1.16"} and not VEHICLES[vehicle] & {ROTARY_WING}:
+        assert found == {*followed(vehicle, each)}  # there are no others
+
+
+def test_what_is_advised_instead_of_a_kind_that_is_not_declared(types: Any, release: str) -> None:
+    """A plane that cannot hold its place, and one that is to fly by a course."""
+
+    class Tumbles(Mode):
+        setpoints = (ATTITUDE,)
+
+        async def fly(self) -> None:
+            with pytest.raises(UnsupportedError, match="cannot hold a place by its `setpoints`: for a fixed") as caught:
+                await self.hold()
+            assert advised(str(caught.value)) <= {*followed("plane", release)}
+            wanted = "add `FIXED_WING` to its" if is_bridged(FIXED_WING, release) else "PX4 v1.17 and later have it"
+            with pytest.raises(UnsupportedError, match=wanted):
+                self.fixed_wing(course_deg=90.0)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Tumbles)
+        await in_air(flight, vehicle)
+        await flight.fly(Tumbles)
+
+    fly(types, program, Options(vehicle="plane"))
+
+
 @pytest.mark.parametrize("vehicle", VEHICLES)
 def test_a_kind_that_is_not_followed_or_not_bridged_is_an_error_before_arming(
     vehicle: str, types: Any, release: str
@@ -68,6 +114,7 @@ def test_a_kind_that_is_not_followed_or_not_bridged_is_an_error_before_arming(
                 assert f"PX4 {kind.since} and later have it there" in told
             else:
                 assert f"does not follow {kind.name} setpoints, which are for a" in told
+                assert advised(told) <= {*followed(vehicle, release)}
             assert {each.topic for each in flown.sent[sent:]} <= {"arming_check_reply"}, kind
 
     fly(types, program, Options(vehicle=vehicle))

@@ -231,6 +231,64 @@ def test_a_quad_chute_in_forward_flight_ends_the_way_and_holds(
     assert "mode 'Falls' holds its place: the VTOL hovers now" in caplog.text
 
 
+class Hovers(Mode):
+    """Has setpoints for hovering only."""
+
+    async def fly(self) -> None:
+        await asyncio.sleep(100.0)
+
+
+class Glides(Hovers):
+    """Has setpoints for forward flight only."""
+
+    setpoints = (FIXED_WING,)
+
+
+@pytest.mark.parametrize("mode", [Hovers, Glides])
+def test_a_mode_without_setpoints_for_how_the_vtol_flies_is_not_entered(
+    types: Any, mode: type[Mode], caplog: pytest.LogCaptureFixture
+) -> None:
+    """PX4 would fly on with the setpoints of the mode before, for ever."""
+    wrong = "on its wings now" if mode is Hovers else "hovers now"
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await up(flight, vehicle, mode)
+        if mode is Hovers:
+            await flight.to_fixed_wing()
+        await asyncio.sleep(1.0)
+        with pytest.raises(RefusedError, match=f"{wrong}, and the mode declares no setpoints for that"):
+            await flight.fly(mode)
+        assert vehicle.world.mode == 4
+        await (flight.to_multicopter if mode is Hovers else flight.to_fixed_wing)()
+        await asyncio.sleep(1.0)
+        await flight.set_mode(mode)
+
+    if mode is Hovers or has_wings(types):
+        fly(types, program, VTOL)
+        assert f"{wrong}, and the mode declares no setpoints for that" in caplog.text
+
+
+@by_day("seconds", [0.0, 0.5, 4.0], 2)
+def test_a_mode_that_a_transition_catches_without_setpoints_is_left(px4_types: Any, seconds: float) -> None:
+    """It was entered just before PX4 asked, or a pilot lets the vehicle change in it."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await up(flight, vehicle, Hovers)
+        if not seconds:
+            await flight.set_mode(Hovers)
+        vehicle.world.command(VTOL_TRANSITION, [4.0, 0.0, *[0.0] * 5])
+        if seconds:
+            await asyncio.sleep(seconds)
+            vehicle.choose(EXTERNAL)
+        await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 1.5)
+        await asyncio.sleep(0.3)
+        left = vehicle.time / 1e6
+        await asyncio.sleep(2.0)
+        assert not [each for each in vehicle.times(GOTO.topic) if each > left]
+
+    fly(px4_types, program, VTOL)
+
+
 def test_what_a_vtol_does_not_follow_now_is_an_error(px4_types: Any) -> None:
     errors: list[str] = []
 

@@ -13,6 +13,7 @@ from msggen.messages.setpoints import (
     ATTITUDE,
     FIXED_WING,
     GOTO,
+    MODES,
     RATES,
     ROVER,
     ROVER_POSITION,
@@ -25,8 +26,11 @@ from msggen.messages.setpoints import (
 from msggen.messages.vehicle_types import FIXED_WING as WINGS
 from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.messages.vehicle_types import ROVER as WHEELS
+from msggen.sources.embedded import EMBEDDED
 from support.flown import Flown
 
+RELEASES = [release for release in EMBEDDED if release >= MODES]
+"""The releases with modes of programs."""
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 _TURNS: Sequence[Mapping[str, float]] = ({"heading": 1.0}, {"turn_rate": 0.2}, {"steering": 0.3})
 

@@ -18,7 +18,7 @@ from msggen.flight.requirements import GLOBAL_POSITION
 from msggen.flight.space import Vector, wrapped
 from msggen.flight.states import is_on_wings, is_rover, types_of
 from msggen.messages import earth
-from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY
+from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY, Kind
 
 _PASSED, _REACHED = 2.0, 1.0
 """The distances in m within which a waypoint is reached, if the vehicle goes on or stops there."""
@@ -51,11 +51,11 @@ class MissionMode(Mode):
     unready: Callable[[], Sequence[str]]
     """Returns why the mission cannot be flown, as texts."""
 
-    def meet(self, status: Any) -> None:
-        """Declare the setpoints by which the vehicle goes to places."""
+    def meet(self, status: Any, takes: Callable[[Kind], bool]) -> None:
+        """Declare the setpoints by which the vehicle goes to places: before v1.17, a VTOL hovers."""
         if status is not None:
-            types = types_of(status)
-            vars(self)["setpoints"] = tuple(kind for kind in _KINDS if not types.isdisjoint(kind.followed_by))
+            followed = [kind for kind in _KINDS if not types_of(status).isdisjoint(kind.followed_by)]
+            vars(self)["setpoints"] = tuple(filter(takes, followed)) or tuple(followed)  # an error names the release
 
     @property
     def feeds(self) -> Feeds:
@@ -64,7 +64,8 @@ class MissionMode(Mode):
 
     def problems(self) -> list[Problem]:
         """Let PX4 not enter the mode while the mission cannot be flown."""
-        return [Problem("mission_not_ready")] if self.unready() else []
+        reasons = self.unready()
+        return [Problem("mission_not_ready", text=", ".join(reasons))] if reasons else []
 
     def beyond(self, places: Iterable[tuple[int, float, float, float]]) -> list[str]:
         """Return which items have places that `goto` would refuse, as texts.
