@@ -15,7 +15,6 @@ from msggen.messages.measurements import (
     GLOBAL,
     LOCAL,
     NEAREST,
-    NED,
     OLDEST,
     PLACE,
     SLOWEST,
@@ -110,16 +109,17 @@ def find_slow(case: Case) -> Iterator[Change]:
 def find_unfused(case: Case) -> Iterator[Change]:
     """Find measurements that EKF2 could use, and does not."""
     for vehicle in case.alive:
-        flags = vehicle.state("estimator_status_flags")
+        flags, place = vehicle.state("estimator_status_flags"), vehicle.state("vehicle_local_position")
         for name, each in measured(case, vehicle) if flags else ():
-            missing = [part for part in _meant(name, each.values) if flags.get(part.flag) is False]
-            if not missing or not _is_good(case, vehicle, name, each):
+            if not _is_good(case, vehicle, name, each):
                 continue
-            yield case.change(
-                each.route.name,
-                f"'{each.route.name}' from {each.senders} is not fused ({', '.join(part.flag for part in missing)} of "
-                f"estimator_status_flags are false): {_reasons(missing, flags, each.values)}",
-            )
+            meant = [part for part in _meant(name, each.values) if part.flag in flags]
+            reasons = {part: why for part in meant if (why := reason(part, each.values, flags, place))}
+            off = ", ".join(part.flag for part in reasons if not flags[part.flag])
+            state = f"is not fused ({off} of estimator_status_flags are false)" if off else "is rejected"
+            if reasons:
+                why = "; ".join(dict.fromkeys(reasons.values()))
+                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {state}: {why}")
 
 
 def _meant(name: str, values: Values) -> list[Part]:
@@ -131,9 +131,3 @@ def _is_good(case: Case, vehicle: VehicleSeen, name: str, each: Sent) -> bool:
     is_known = each.seen.samples >= each.seen.rate * _SEEN and bool(each.values)
     is_fast = name == GLOBAL or each.seen.rate >= SLOWEST
     return is_known and is_fast and not _wrong_time(case, vehicle, each) and not [*_dropped(name, each.values)]
-
-
-def _reasons(missing: list[Part], flags: Values, values: Values) -> str:
-    is_ned, has_ids = values.get("pose_frame", NED) == NED, "id" in values
-    found = [reason(part, flags, is_ned=is_ned, has_ids=has_ids, identity=int(values.get("id", 1))) for part in missing]
-    return "; ".join(dict.fromkeys(found))

@@ -104,7 +104,6 @@ class Sample(NamedTuple):
     time: int | None
     """When it was measured, in us. None: now."""
     is_reset: bool
-    is_ned: bool = True
 
 
 class Measuring(Hinted):
@@ -219,7 +218,7 @@ def _local_sample(vectors: Mapping[str, _Given], attitude: _Given, time: int | N
         parts.append(YAW)
     if not parts:
         raise ValueError("expected `position`, `velocity` or `attitude`, got none of them")
-    return Sample(LOCAL, tuple(parts), values, _whole(time), is_reset, is_ned=values["pose_frame"] == NED)
+    return Sample(LOCAL, tuple(parts), values, _whole(time), is_reset)
 
 
 _FRAME: Final = {"position": "pose_frame", "velocity": "velocity_frame"}

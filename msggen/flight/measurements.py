@@ -139,9 +139,9 @@ class Measurements(Measuring):
         if not track.take(sample, stamp, now):
             return False
         counter = {"reset_counter": track.resets & 0xFF, "lat_lon_reset_counter": track.resets & 0xFF}
-        self._connection.publish(
-            sample.topic, filled(cls, timestamp=now, timestamp_sample=stamp, **sample.values, **counter)
-        )
+        message = filled(cls, timestamp=now, timestamp_sample=stamp, **sample.values, **counter)
+        self._connection.publish(sample.topic, message)
+        track.newest.update(dict.fromkeys(sample.parts, (message, self._feeds["vehicle_local_position"].latest)))
         return True
 
     @property
@@ -154,24 +154,22 @@ class Measurements(Measuring):
     def _fusion(self, part: Part, track: _Track) -> Fusion:
         feed, problem = self._flags, self._connection.problem
         flags = None if feed is None or feed.age > _SILENT else feed.latest
-        if flags is not None and getattr(flags, part.flag):
-            return Fusion(part.name, is_fused=True, reason="")
-        if problem:
-            return Fusion(part.name, is_fused=False, reason=f"messages to the vehicle do not get through: {problem}")
-        if flags is None:
-            return Fusion(part.name, is_fused=False, reason="the vehicle does not publish estimator_status_flags")
-        why = track.problem(part, self.time) or self._why(part, track, flags)
-        return Fusion(part.name, is_fused=False, reason=why)
+        is_fused = flags is not None and getattr(flags, part.flag)
+        if problem and not is_fused:
+            why = f"messages to the vehicle do not get through: {problem}"
+        elif flags is None:
+            why = "the vehicle does not publish estimator_status_flags"
+        else:
+            why = "" if is_fused else track.problem(part, self.time)
+            if not why and part in track.newest:
+                sent, place = map(_values, track.newest[part])
+                why = reason(part, sent, _values(flags), place, was_fused=part in self._once)
+        return Fusion(part.name, is_fused=not why, reason=why)
 
-    def _why(self, part: Part, track: _Track, flags: Any) -> str:
-        if part in self._once:
-            return (
-                "it was before: EKF2 leaves measurements that are too far from its estimate for their variance, and "
-                "starts anew after some time, or at once with `reset`"
-            )
-        values = {field.name: getattr(flags, field.name) for field in flags.__msg__.fields}
-        has_ids = part is PLACE and self._has_ids
-        return reason(part, values, is_ned=track.is_ned, has_ids=has_ids, identity=track.identity)
+
+def _values(message: Any) -> dict[str, Any]:
+    """Return the values of a message, none if there is none."""
+    return {} if message is None else {field.name: getattr(message, field.name) for field in message.__msg__.fields}
 
 
 class _Track:
@@ -179,8 +177,8 @@ class _Track:
 
     def __init__(self, resets: int = 0) -> None:
         self.resets = resets
-        self.is_ned = True
-        self.identity = 1
+        self.newest: dict[Part, tuple[Any, Any]] = {}
+        """The newest message with each part, and the VehicleLocalPosition when it was sent, if it was known."""
         self._sent: dict[Part, int] = {}
         """When each part was sent last."""
         self._begun: dict[Part, int] = {}
@@ -200,7 +198,6 @@ class _Track:
 
     def take(self, sample: Sample, stamp: int, now: int) -> bool:
         """Return whether a measurement is to be sent."""
-        self.is_ned, self.identity = sample.is_ned, int(sample.values.get("id", 1))
         for part in sample.parts:
             if self.age(part, now) > _RECENT:
                 self._begun[part] = now

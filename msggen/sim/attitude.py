@@ -65,6 +65,17 @@ def to_body(q: Quaternion, vector: Vector) -> Vector:
     return a, b, c
 
 
+def from_body(q: Quaternion, vector: Vector) -> Vector:
+    """Return a vector of body axes in NED."""
+    w, x, y, z = q
+    return to_body((w, -x, -y, -z), vector)
+
+
+def added(one: Vector, other: Vector) -> Vector:
+    """Return the sum of two vectors."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
 def product(p: Quaternion, q: Quaternion) -> Quaternion:
     """Return the rotation q followed by p."""
     a, b, c, d = p

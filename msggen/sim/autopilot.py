@@ -19,7 +19,7 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.sim.attitude import Vector
+from msggen.sim.attitude import Vector, added
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import DRAG, GRAVITY, NAN, VELOCITY_GAIN, Flight, Push, Target
 from msggen.sim.parameters import PARAMETERS, microseconds
@@ -146,10 +146,10 @@ class Autopilot:
         """Let position control begin at a time: it uses no setpoint from before, and holds the place until the next."""
         self._since, self.is_led, self._hold = time, False, self._stop()
 
-    def shift(self, north: float, east: float) -> None:
+    def shift(self, move: Vector) -> None:
         """Move the place that is held with the estimate of the position."""
-        x, y, z = self._hold.position
-        self._hold = self._hold._replace(position=(x + north, y + east, z))
+        self._hold = self._hold._replace(position=added(self._hold.position, move))
+        self._goal += move[2]
 
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""

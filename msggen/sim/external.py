@@ -12,7 +12,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple, Protocol
 
 from msggen.messages.measurements import (
+    BODY_FRD,
+    FASTEST,
     FRD,
+    GATES,
     GLOBAL,
     HEIGHT,
     LOCAL,
@@ -21,13 +24,15 @@ from msggen.messages.measurements import (
     OLDEST,
     PLACE,
     POSITION,
+    STARTING,
     VELOCITY,
     YAW,
     Part,
+    frame_of,
     taken,
 )
-from msggen.sim.attitude import Vector, angles_of
-from msggen.sim.autopilot import Autopilot
+from msggen.sim.attitude import Vector, added, angles_of, from_body
+from msggen.sim.commander.rules import V1_18, Rules
 from msggen.sim.flight import Flight, wrapped
 from msggen.sim.parameters import PARAMETERS
 from msggen.sim.places import Home
@@ -37,18 +42,18 @@ _BEHIND = 150_000
 _OLDEST, _NEAREST, _LONGEST_START = (round(each * 1e6) for each in (OLDEST, NEAREST, LONGEST_START))
 _STOPPED, _PLACE_STOPPED = 500_000, 5_000_000
 """The time without measurements after which they count as ended, in the local frame and on earth."""
-_PATIENCE = 1_000_000
-"""The time for which measurements are rejected until the position is reset to them."""
+_PATIENCE, _HEIGHT_PATIENCE = 1_000_000, 5_000_000
+"""The time for which measurements are rejected until EKF2 begins anew at them: no_aid_timeout_max, and that of heights,
+hgt_fusion_timeout_max."""
 _LOST = 4_600_000
 """The time after the last measurement when the position is no longer known."""
 _MOST_RESETS = 5
 """In the air, since the measurements were last taken anew."""
-_GATE, _VELOCITY_GATE, _YAW_GATE, _PLACE_GATE = 5.0, 3.0, 2.6, 3.0
-"""How many standard deviations a measurement may differ from the estimate."""
-_STATE_VARIANCE = 0.1
-"""The variance of the estimate, which adds to that of the measurement."""
-_LEAST, _PLACE_LEAST = 0.01, 0.81
-"""The least variances of measurements: EKF2_EVP_NOISE, EKF2_EVV_NOISE, EKF2_EVA_NOISE, and EKF2_AGP_NOISE, squared."""
+EPV, EVH, EVV, HEADING_VARIANCE = 0.05, 0.13, 0.03, 0.0006
+"""The accuracy of height and velocity in m and m/s, and the variance of the heading, as VehicleLocalPosition tells."""
+_OWN: Final[Mapping[Part, float]] = {HEIGHT: EPV**2, VELOCITY: max(EVH**2 / 2, EVV**2), YAW: HEADING_VARIANCE}
+"""The variances of the estimate along each axis. That of the position changes."""
+_LEAST: Final = GATES[POSITION].least ** 2
 _GROWTH = 0.0013
 """By how much the variance of the position grows without measurements, in m^2/s."""
 _FARTHEST = 1e6
@@ -59,13 +64,22 @@ _BY_GPS = 0.29
 """The horizontal accuracy with GPS, in m."""
 MEASURED = (POSITION, VELOCITY, PLACE)
 """The parts of which each makes the position known."""
+_BY_CAMERA = 3
+"""The value of EKF2_HGT_REF with which local measurements decide the height."""
+
+
+class Pilot(Protocol):
+    """What flies by the estimate."""
+
+    def shift(self, move: Vector) -> None:
+        """Move the places that it keeps with the estimate of the position."""
 
 
 class World(Protocol):
     """What measurements tell of: `msggen.sim.world.World`."""
 
     flight: Flight
-    autopilot: Autopilot
+    autopilot: Pilot
     origin: Home
     has_origin: bool
 
@@ -76,11 +90,12 @@ class _Odometry(NamedTuple):
     frame: int
     position: Vector
     velocity: Vector
+    velocity_frame: int
     yaw: float
     """NaN without an attitude. It turns FRD frames, also where it is not to be fused."""
-    variances: tuple[float, float, float]
-    """Of the horizontal position, of velocity and yaw."""
+    variances: Mapping[Part, float]
     resets: int
+    quality: int
 
 
 class _Place(NamedTuple):
@@ -93,17 +108,24 @@ class _Place(NamedTuple):
 class External:
     """Takes measurements. `handlers` are by the names of topics in uORB."""
 
-    def __init__(self, world: World, parameters: Mapping[str, float] = PARAMETERS, patience: int = 7_000_000) -> None:
-        """Take the time for which places on earth are rejected before the position is reset to them."""
-        self._world, self._parameters, self._place_patience = world, parameters, patience
+    def __init__(self, world: World, parameters: Mapping[str, float] = PARAMETERS, rules: Rules = V1_18) -> None:
+        """Take the parameters and rules of the vehicle."""
+        self._world, self._parameters, self._place_patience = world, parameters, rules.auxiliary_patience
         self._control = _bits(parameters.get("EKF2_EV_CTRL", 0.0))
+        self._least_quality = _bits(parameters["EKF2_EV_QMIN"])
+        self._delay = _bits(parameters["EKF2_EV_DELAY"] * 1e3)
+        self._is_reference = parameters["EKF2_HGT_REF"] == _BY_CAMERA
         self.uses_gps = bool(_bits(parameters["EKF2_GPS_CTRL"]) & 1)
         self.fused: frozenset[Part] = frozenset()
         """The parts that are fused."""
-        self.changes = self.position_resets = self.heading_resets = 0
-        """How often `fused` has changed, and position and heading were reset."""
+        self.changes = self.position_resets = self.height_resets = self.heading_resets = 0
+        """How often `fused` has changed, and position, height and heading were reset."""
         self.move = (0.0, 0.0)
         """How far the last reset has moved the position, in m north and east."""
+        self.drop: float | None = None
+        """The same of the height, down."""
+        self.rejects_yaw = False
+        """Whether the last heading was too far from the estimate."""
         self.is_aided = True
         """Whether something has made the position known within the last second."""
         self.is_yaw_aligned = True
@@ -119,9 +141,13 @@ class External:
         self._counter = self._place_counter = 0
         self._used: dict[Part, int] = {}
         """When each part was fused last."""
-        self._resets = 0
+        self._resets: dict[Part, int] = {}
+        self._can_start = self._is_reset = False
+        """Whether a part may begin with the measurement that is looked at, and whether its source has jumped."""
         self._bias = (0.0, 0.0)
         """How far measurements are from the position while GPS decides it."""
+        self._height_bias = 0.0
+        """The same of the height."""
         self._variance: float = _LEAST
         self._variance_time = 0
 
@@ -129,22 +155,32 @@ class External:
 
     def take(self, message: Any, _: int) -> None:
         """Take a VehicleOdometry."""
-        time = message.timestamp_sample
+        time = message.timestamp_sample - self._delay
         if time < self._newest + _NEAREST:
             return
         self._newest = time
-        parts = taken({name: getattr(message, name) for name in _FIELDS})
-        yaw = angles_of(message.q, 0.0)[2] if YAW in parts else math.nan
-        noises = (_noise(message.position_variance, 0, 1), _noise(message.velocity_variance, 0, 1, 2))
+        values = {name: getattr(message, name) for name in _FIELDS}
+        parts = taken(values)
+        if math.hypot(*message.velocity) > FASTEST:
+            parts -= {VELOCITY}
+        position, velocity = message.position_variance, message.velocity_variance
+        variances = {
+            POSITION: _noise(position, 0, 1),
+            HEIGHT: _noise(position, 2),
+            VELOCITY: _noise(velocity, 0, 1, 2),
+            YAW: _noise(message.orientation_variance, 2),
+        }
         found = _Odometry(
             time,
             frozenset(part for part in parts if part.bit & self._control),
-            message.pose_frame,
+            frame_of(values),
             message.position,
             message.velocity,
-            yaw,
-            (*noises, _noise(message.orientation_variance, 2)),
+            message.velocity_frame,
+            angles_of(message.q, 0.0)[2] if YAW in parts else math.nan,
+            variances,
             message.reset_counter,
+            message.quality,
         )
         self._waiting.append(found)
 
@@ -153,8 +189,7 @@ class External:
         place = Home(message.lat, message.lon, message.alt)
         if not self._is_on(getattr(message, "id", None)) or not place._replace(altitude=0.0).is_possible:
             return
-        accuracy = float(message.eph)
-        variance = max(_PLACE_LEAST, accuracy * accuracy) if math.isfinite(accuracy) else _PLACE_LEAST
+        variance = float(message.eph) * float(message.eph)
         self._places.append(_Place(message.timestamp_sample, place, variance, message.lat_lon_reset_counter))
 
     def _is_on(self, identity: int | None) -> bool:
@@ -198,7 +233,7 @@ class External:
         if local and self._now - self._before > _STOPPED:
             self._end(local)
             if self._is_resting and not self._has_gps:
-                self._reset(self._world.flight.position)  # EKF2 holds the place where it stands
+                self._go(0.0, 0.0)  # EKF2 holds the place where it stands
         if PLACE in self.fused and self._now - self._place_heard > _PLACE_STOPPED:
             self._end({PLACE})
 
@@ -220,90 +255,147 @@ class External:
             "cs_inertial_dead_reckoning": not self.is_aided,
             "cs_valid_fake_pos": not self.is_aided and self._is_resting,
             "cs_fake_pos": not self.is_aided and not self._is_resting,
+            "reject_yaw": self.rejects_yaw,
         }
 
     # Positions, velocities and headings in the local frame
 
     def _look(self, found: _Odometry) -> None:
-        can_start = found.time - self._before < _LONGEST_START
-        is_reset = found.resets != self._counter
+        self._is_reset = found.resets != self._counter
+        if self._least_quality > 0 and found.quality < self._least_quality:
+            if self._is_reset:
+                self._end(self.fused - {PLACE})
+            return
+        self._can_start = found.time - self._before < _LONGEST_START
         self._before, self._counter = found.time, found.resets
         self._end(self.fused - found.parts - {PLACE})
-        if YAW in found.parts:
-            self._look_at_yaw(found, can_start=can_start, is_reset=is_reset)
-        if not self.is_yaw_aligned and found.frame != FRD:
-            self._end({POSITION})
-        elif POSITION in found.parts:
-            self._look_at_position(found, can_start=can_start, is_reset=is_reset)
-        if VELOCITY in found.parts:
-            self._look_at_velocity(found, can_start=can_start)
-        if HEIGHT in found.parts and (HEIGHT in self.fused or can_start):
-            self._use(HEIGHT)
+        looks = ((YAW, self._look_at_yaw), (VELOCITY, self._look_at_velocity), (POSITION, self._look_at_position))
+        for part, look in (*looks, (HEIGHT, self._look_at_height)):
+            if part in found.parts:
+                look(found)
 
-    def _look_at_yaw(self, found: _Odometry, *, can_start: bool, is_reset: bool) -> None:
-        flight, is_turned = self._world.flight, found.frame == FRD
-        if (YAW not in self.fused and not can_start) or (is_turned and self._has_gps):
-            return
-        error = wrapped(found.yaw - flight.yaw)
-        is_near = abs(error) <= _YAW_GATE * math.sqrt(found.variances[2] + _STATE_VARIANCE)
-        is_new = YAW not in self.fused or is_reset or self._is_late(YAW)
-        if is_near or is_new:
-            self._use(YAW)
-        if is_new and (is_turned or not is_near):
-            flight.yaw += error
-            self.heading_resets += 1
-            self.is_yaw_aligned = not is_turned
-
-    def _look_at_position(self, found: _Odometry, *, can_start: bool, is_reset: bool) -> None:
-        here = self._world.flight.position
-        x, y, z = self._turned(found)
-        goal = (x - self._bias[0], y - self._bias[1], z)
-        distance = math.dist(goal[:2], here[:2])
-        if distance > _FARTHEST:
-            return
-        if POSITION not in self.fused:
-            if can_start:
-                self._resets = 0
-                self._go_to((x, y, z), found.variances[0])
-        elif is_reset:
-            self._go_to((x, y, z), found.variances[0])
-        elif distance <= _GATE * math.sqrt(found.variances[0] + _STATE_VARIANCE):
-            self._weigh(found.variances[0])
-            self._use(POSITION)
-        elif self._is_late(POSITION):
-            self._resets += not self._is_resting
-            if self._resets > _MOST_RESETS:
-                self._end({POSITION})
+    def _judge(self, part: Part, begin: Callable[[], None], *, is_near: bool, may_start: bool = True) -> None:
+        """Use a measurement of a part, reject it, or begin anew at it: at its start, and when its source has jumped."""
+        if part not in self.fused:
+            if self._can_start and may_start:
+                self._resets[part] = 0
+                begin()
+                self._use(part)
+        elif self._is_reset:
+            begin()
+            self._use(part)
+        elif is_near:
+            self._use(part)
+        elif self._now - self._used[part] >= (_HEIGHT_PATIENCE if part is HEIGHT else _PATIENCE):
+            self._resets[part] += not self._is_resting
+            if part is HEIGHT or self._resets[part] > _MOST_RESETS:
+                self._end({part})
             else:
-                self._go_to((x, y, z), found.variances[0])
+                begin()
+                self._use(part)
 
-    def _go_to(self, measured: Vector, variance: float) -> None:
-        """Begin anew at a measurement. With GPS, only its distance is learned."""
-        here = self._world.flight.position
-        if self._has_gps:
-            self._bias = (measured[0] - here[0], measured[1] - here[1])
-        else:
-            self._bias = (0.0, 0.0)
-            self._reset(measured)
-            self._variance, self._variance_time = variance, self._now
-        self._use(POSITION)
+    def _width(self, part: Part, variance: float) -> float:
+        own = self._own_variance if part in {POSITION, PLACE} else _OWN[part]
+        return GATES[part].width(variance, own)
+
+    def _then(self, time: int) -> tuple[Vector, Vector, float]:
+        """Return position, velocity and heading at the time of a measurement."""
+        flight, behind = self._world.flight, (self._now - time) / 1e6
+        position = tuple(here - each * behind for here, each in zip(flight.position, flight.velocity, strict=True))
+        velocity = tuple(
+            each - change * behind for each, change in zip(flight.velocity, flight.acceleration, strict=True)
+        )
+        return position, velocity, flight.yaw - flight.rates[2] * behind  # type: ignore[return-value]
+
+    def _look_at_yaw(self, found: _Odometry) -> None:
+        is_turned = found.frame == FRD
+        if is_turned and self._has_gps and self.is_yaw_aligned:
+            self._end({YAW})
+            return
+        error = wrapped(found.yaw - self._then(found.time)[2])
+        is_near = abs(error) <= self._width(YAW, found.variances[YAW])
+        self.rejects_yaw = not is_near
+
+        def begin() -> None:
+            if is_turned or not (is_near and self.is_yaw_aligned):
+                self._world.flight.yaw += error
+                self.heading_resets += 1
+            if YAW not in self.fused:  # what begins in FRD turns the estimate into that frame
+                self.is_yaw_aligned = not is_turned
+
+        is_free = is_near or is_turned or self._is_resting or not self.is_yaw_aligned
+        self._judge(YAW, begin, is_near=is_near, may_start=is_free)
+
+    def _look_at_position(self, found: _Odometry) -> None:
+        if found.frame != FRD and not self.is_yaw_aligned:
+            self._end({POSITION})
+            return
+        here, (x, y, _) = self._then(found.time)[0], self._turned(found)
+        off = x - self._bias[0] - here[0], y - self._bias[1] - here[1]
+        if math.hypot(*off) > _FARTHEST:
+            return
+        is_near = max(map(abs, off)) <= self._width(POSITION, found.variances[POSITION])
+        if is_near and POSITION in self.fused and not self._is_reset:
+            self._weigh(found.variances[POSITION])
+
+        def begin() -> None:
+            """Begin anew at a measurement. With GPS, only its distance is learned."""
+            if self._has_gps:
+                self._bias = x - here[0], y - here[1]
+            else:
+                self._bias = 0.0, 0.0
+                self._go(x - here[0], y - here[1])
+                self._variance, self._variance_time = found.variances[POSITION], self._now
+
+        self._judge(POSITION, begin, is_near=is_near)
+
+    def _look_at_height(self, found: _Odometry) -> None:
+        """Only the reference moves the estimate. The distance of other heights is learned."""
+        down, here = found.position[2], self._then(found.time)[0][2]
+        off = down - self._height_bias - here
+        if abs(off) > _FARTHEST:
+            return
+
+        def begin() -> None:
+            self._height_bias = 0.0 if self._is_reference else down - here
+            if self._is_reference:
+                self._drop(down - here)
+
+        self._judge(HEIGHT, begin, is_near=abs(off) <= self._width(HEIGHT, found.variances[HEIGHT]))
 
     def _turned(self, found: _Odometry) -> Vector:
-        """Return a position in the frame of the estimate: an FRD frame is turned, unless the estimate is in it."""
-        x, y, z = found.position
-        if found.frame != FRD or math.isnan(found.yaw) or YAW in self.fused:
-            return x, y, z
+        """Return a position in the frame of the estimate."""
+        return self._from_level(found.position, found) if found.frame == FRD else found.position
+
+    def _from_level(self, vector: Vector, found: _Odometry) -> Vector:
+        """Turn a vector of an FRD frame, unless the estimate is in it."""
+        if math.isnan(found.yaw) or YAW in self.fused:
+            return vector
+        x, y, z = vector
         turn = self._world.flight.yaw - found.yaw
         return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn), z
 
-    def _look_at_velocity(self, found: _Odometry, *, can_start: bool) -> None:
-        """Compare the speed only, so that the frame does not matter."""
-        error = abs(math.hypot(*found.velocity) - math.hypot(*self._world.flight.velocity))
-        if error <= _VELOCITY_GATE * math.sqrt(found.variances[1] + _STATE_VARIANCE):
-            if VELOCITY in self.fused or can_start:
-                self._use(VELOCITY)
-        elif VELOCITY in self.fused and self._is_late(VELOCITY):
+    def _look_at_velocity(self, found: _Odometry) -> None:
+        flight, has_others = self._world.flight, self._has_gps or bool(self.fused & {POSITION, PLACE})
+        if found.velocity_frame == BODY_FRD:
+            velocity = from_body(flight.quaternion, found.velocity)
+        elif found.velocity_frame == FRD:
+            velocity = self._from_level(found.velocity, found)
+        elif self.is_yaw_aligned:
+            velocity = found.velocity
+        else:
             self._end({VELOCITY})
+            return
+        own = self._then(found.time)[1]
+        off = max(abs(there - here) for there, here in zip(velocity, own, strict=True))
+        width = self._width(VELOCITY, found.variances[VELOCITY])
+
+        def begin() -> None:
+            if not has_others and not self._is_resting:
+                flight.velocity = velocity
+
+        may_start = not has_others or off <= width * STARTING
+        self._judge(VELOCITY, begin, is_near=off <= width, may_start=may_start)
 
     # Places on earth
 
@@ -317,14 +409,14 @@ class External:
         north, east, _ = world.origin.local(found.place._replace(altitude=world.origin.altitude))
         is_reset = found.resets != self._place_counter
         self._place_counter = found.resets
-        distance = math.dist((north, east), world.flight.position[:2])
-        is_only = not self._has_gps and not self.fused & {POSITION}
-        is_near = distance <= _PLACE_GATE * math.sqrt(found.variance + _STATE_VARIANCE)
+        here, width = self._then(found.time)[0], self._width(PLACE, found.variance)
+        is_near = max(abs(north - here[0]), abs(east - here[1])) <= width
+        is_free = not self._place_patience or not (self._has_gps or POSITION in self.fused)
         is_late = self._now - self._used.get(PLACE, 0) >= self._place_patience
         if is_near:
             self._use(PLACE)
-        elif is_only and (is_reset or is_late or PLACE not in self.fused):
-            self._reset((north, east, world.flight.position[2]))
+        elif is_free and (is_reset or is_late or PLACE not in self.fused):
+            self._go(north - here[0], east - here[1])
             self._use(PLACE)
         elif PLACE in self.fused and (is_reset or is_late):
             self._end({PLACE})
@@ -351,6 +443,7 @@ class External:
     def _end(self, parts: frozenset[Part] | set[Part]) -> None:
         if self.fused & parts:
             self.is_yaw_aligned |= YAW in parts  # the magnetometer gives the heading again
+            self.rejects_yaw &= YAW not in parts
             self.fused -= parts
             self.changes += 1
 
@@ -359,21 +452,35 @@ class External:
         before = self._variance + self._grown
         self._variance, self._variance_time = before * variance / (before + variance), self._now
 
-    def _reset(self, place: Vector) -> None:
-        """Let the estimate of the position jump. The vehicle is flown by it, and its height stays."""
-        flight = self._world.flight
-        x, y, z = flight.position
-        self.move = (place[0] - x, place[1] - y)
-        flight.position = (place[0], place[1], z)
-        self._world.autopilot.shift(*self.move)
+    @property
+    def _own_variance(self) -> float:
+        """The variance of the position along an axis."""
+        return self.accuracy * self.accuracy / 2.0
+
+    def _go(self, north: float, east: float) -> None:
+        """Let the estimate of the position jump. The vehicle is flown by it."""
+        self.move = north, east
         self.position_resets += 1
+        self._shift((north, east, 0.0))
+
+    def _drop(self, down: float) -> None:
+        """Let that of the height jump. The ground moves with it."""
+        self.drop = down
+        self.height_resets += 1
+        self._world.flight.ground += down
+        self._shift((0.0, 0.0, down))
+
+    def _shift(self, move: Vector) -> None:
+        flight = self._world.flight
+        flight.position = added(flight.position, move)
+        self._world.autopilot.shift(move)
 
 
 _FIELDS: Final = ("position", "pose_frame", "velocity", "velocity_frame", "q")
 
 
 def _noise(variances: Vector, *axes: int) -> float:
-    """Return the largest variance of some axes, at least that of the parameters, which count if any is not finite."""
+    """Return the largest variance of some axes. If any is not finite, that of the parameters counts: the least."""
     return max(_LEAST, *(variances[axis] for axis in axes)) if all(map(math.isfinite, variances)) else _LEAST
 
 

@@ -17,7 +17,10 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "COM_MODE_ARM_CHK": 0.0,
         "COM_OF_LOSS_T": 1.0,
         "COM_SPOOLUP_TIME": 1.0,
+        "EKF2_EV_DELAY": 0.0,
+        "EKF2_EV_QMIN": 0.0,
         "EKF2_GPS_CTRL": 7.0,
+        "EKF2_HGT_REF": 1.0,
         "FW_AIRSPD_MAX": 20.0,
         "FW_AIRSPD_MIN": 10.0,
         "FW_AIRSPD_TRIM": 15.0,
@@ -85,7 +88,7 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
 _OF_RELEASES = {*V1_17.estimator, *V1_18.estimator}
 SETTABLE = (
     *(name for name in PARAMETERS if name.startswith("COM_") and name not in {"COM_OF_LOSS_T", "COM_SPOOLUP_TIME"}),
-    *sorted({"EKF2_GPS_CTRL", *_OF_RELEASES}),
+    *sorted({*(name for name in PARAMETERS if name.startswith("EKF2_")), *_OF_RELEASES}),
     *("FW_AIRSPD_MAX", "FW_AIRSPD_MIN", "FW_AIRSPD_TRIM", "MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "NAV_LOITER_RAD"),
     *("RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT", "SIH_WIND_E", "SIH_WIND_N", "VT_TRANS_TIMEOUT"),
 )

@@ -12,7 +12,7 @@ from typing import Any
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import ROVER as ROVER_KINDS
 from msggen.messages.setpoints import ROVER_THROTTLE
-from msggen.sim.attitude import Vector
+from msggen.sim.attitude import Vector, added
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Flight, wrapped
 from msggen.sim.parameters import PARAMETERS
@@ -86,6 +86,10 @@ class RoverPilot:
         if all(map(math.isfinite, position[:2])):
             self._next = position
             self._mode = -1
+
+    def shift(self, move: Vector) -> None:
+        """Move the place that is held with the estimate of the position."""
+        self._held = added(self._held, move)
 
     def begin_again(self) -> None:
         """Enter the mode anew, because the local position has another origin."""

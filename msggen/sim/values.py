@@ -29,6 +29,7 @@ from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, VtolState
 from msggen.sim.battery import Battery
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.commander.states import PILOTED
+from msggen.sim.external import EPV, EVH, EVV, HEADING_VARIANCE
 from msggen.sim.flight import NAN, Target, wrapped
 from msggen.sim.noise import Noise
 from msggen.sim.parts import POWER_MODULE
@@ -59,8 +60,6 @@ _LOW = 1.0
 """The height in m below which the vehicle is close to the ground."""
 _MOVING, _DESCENT, _TURNING = 0.1, 0.33, 0.35
 """The speeds in m/s and the rate in rad/s above which the land detector reports movement, a descent and a rotation."""
-_EPV = 0.05
-"""The vertical accuracy of estimates in m."""
 _START = 636_000
 """When the estimator found its origin, in us since boot."""
 _UNAIDED = 0.05
@@ -174,12 +173,13 @@ def _vehicle_local_position(scene: Scene) -> Values:
         "xy_valid": valid, "z_valid": True, "v_xy_valid": valid, "v_z_valid": True,
         "x": x + _PLACE * noise(), "y": y + _PLACE * noise(), "z": z + _PLACE * noise(),
         "xy_reset_counter": (_XY_RESETS + resets + external.position_resets) & 0xFF, "delta_xy": external.move,
-        "delta_z": -origin.altitude, "z_reset_counter": _Z_RESETS,
+        "delta_z": -origin.altitude if external.drop is None else external.drop,
+        "z_reset_counter": (_Z_RESETS + external.height_resets) & 0xFF,
         "vx": vx + _SPEED * noise(), "vy": vy + _SPEED * noise(), "vz": vz + _SPEED * noise(), "z_deriv": vz,
         "delta_vxy": (0.0106, 0.0052), "vxy_reset_counter": _VXY_RESETS + resets, "delta_vz": 0.0003,
         "vz_reset_counter": _VZ_RESETS,
         "ax": ax + north + _PULL * noise(), "ay": ay + east + _PULL * noise(), "az": az + _PULL * noise(),
-        "heading": wrapped(heading), "heading_var": 0.0006, "heading_good_for_control": True,
+        "heading": wrapped(heading), "heading_var": HEADING_VARIANCE, "heading_good_for_control": True,
         "unaided_heading": wrapped(heading - _UNAIDED), "delta_heading": -0.0123,
         "heading_reset_counter": (_HEADING_RESETS + external.heading_resets) & 0xFF, "tilt_var": 0.00007,
         "xy_global": world.has_global, "z_global": True, "ref_timestamp": _START,
@@ -188,7 +188,7 @@ def _vehicle_local_position(scene: Scene) -> Values:
         "dead_reckoning": not external.is_aided,
         "dist_bottom_valid": True, "dist_bottom": max(0.0, flight.ground - z), "dist_bottom_var": 0.0008,
         "delta_dist_bottom": -origin.altitude, "dist_bottom_reset_counter": _Z_RESETS, "dist_bottom_sensor_bitfield": 1,
-        "eph": external.accuracy, "epv": _EPV, "evh": 0.13, "evv": 0.03,
+        "eph": external.accuracy, "epv": EPV, "evh": EVH, "evv": EVV,
         "vxy_max": math.inf, "vz_max": math.inf, "hagl_min": math.inf, "hagl_max": math.inf, "hagl_max_z": math.inf,
         "hagl_max_xy": math.inf,
     }  # fmt: skip
@@ -196,7 +196,7 @@ def _vehicle_local_position(scene: Scene) -> Values:
 
 def _vehicle_odometry(scene: Scene) -> Values:
     world, noise = scene.world, scene.noise
-    flight = world.flight
+    flight, external = world.flight, world.external
     (x, y, z), (vx, vy, vz), (p, q, r) = flight.position, flight.velocity, flight.rates
     counters = _XY_RESETS, _Z_RESETS, _VXY_RESETS, _VZ_RESETS, _HEADING_RESETS
     return {
@@ -210,7 +210,11 @@ def _vehicle_odometry(scene: Scene) -> Values:
         "orientation_variance": (0.00003, 0.00005, 0.0006),
         "velocity_variance": (0.009, 0.009, 0.001),
         "reset_counter": (
-            sum(counters) + 2 * world.position_resets + world.external.position_resets + world.external.heading_resets
+            sum(counters)
+            + 2 * world.position_resets
+            + external.position_resets
+            + external.height_resets
+            + external.heading_resets
         )
         & 0xFF,
     }
@@ -240,7 +244,7 @@ def _vehicle_global_position(scene: Scene) -> Values:
         "alt_reset_counter": _Z_RESETS,
         "terrain_reset_counter": _Z_RESETS,
         "eph": world.external.accuracy,
-        "epv": _EPV,
+        "epv": EPV,
         "terrain_alt": origin.altitude - world.flight.ground,
         "terrain_alt_valid": True,
     }

@@ -117,6 +117,12 @@ class VtolPilot:
         self.rotors.hold_at(position, yaw, speed)
         self.wings.hold_at(position, yaw, speed)
 
+    def shift(self, move: Vector) -> None:
+        """See Autopilot."""
+        self.rotors.shift(move)
+        self.wings.shift(move)
+        self._height += move[2]
+
     def begin_again(self) -> None:
         """See Autopilot."""
         self.rotors.begin_again()

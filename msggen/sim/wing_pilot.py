@@ -11,7 +11,7 @@ from typing import Any
 
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
-from msggen.sim.attitude import Vector, angles_of
+from msggen.sim.attitude import Vector, added, angles_of
 from msggen.sim.autopilot import POSITION
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Push, Target
@@ -109,6 +109,11 @@ class WingPilot:
         self._place = position
         if self._mode == HOLD:
             self._mode = -1
+
+    def shift(self, move: Vector) -> None:
+        """Move the circle with the estimate of the position."""
+        self._circle = added(self._circle, move)
+        self._goal += move[2]
 
     def begin_again(self) -> None:
         """Enter the mode anew, because the local position has another origin."""

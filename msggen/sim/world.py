@@ -57,7 +57,7 @@ class World:
         parameters: Mapping[str, float] = PARAMETERS,
         airframe: Airframe = AIRFRAMES["multicopter"],
     ) -> None:
-        self.external = external = External(self, {**rules.estimator, **parameters}, rules.auxiliary_patience)
+        self.external = external = External(self, {**rules.estimator, **parameters}, rules)
         """What measurements of programs tell the estimator."""
         self.origin = home or Home()
         """The origin of the local position: on the ground below the start, until a command sets another."""

@@ -19,10 +19,10 @@ from msggen.flight import BlockingFlight, Flight, FlightError, Fusion, GlobalPla
 from msggen.flight.measured import AXES, Source
 from msggen.flight.measurements import Measurements
 from msggen.flight.pytest import SimVehicle
-from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, SOURCES
+from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, PLACE, SOURCES, VELOCITY, reason
 from msggen.sim import Options
 from msggen.sim.attitude import product
-from support.flown import Flown, Line, fly
+from support.flown import EXTERNAL, Flown, Line, fly
 from support.repository import ROOT
 
 pytest_plugins = ["support.flight_releases"]
@@ -382,7 +382,7 @@ def test_times_are_those_of_the_clock_that_the_vehicle_follows(px4_types: Any) -
 
 
 def test_the_parameters_of_places_on_earth_are_those_of_the_release(types: Any) -> None:
-    found = why(types, lambda flight: flight.measure.on_earth(**EARTH), Options())
+    found = why(types, lambda flight: flight.measure.on_earth(**EARTH), Options(parameters={"EKF2_GPS_CTRL": 0.0}))
     expected = "EKF2_AGP0_CTRL 1 with EKF2_AGP0_ID 1" if has_ids(types) else "EKF2_AGP_CTRL 1 is probably not set"
     assert found["place on earth"].startswith(expected)
 
@@ -437,14 +437,133 @@ def test_a_jump_is_told_and_reset_ends_it(types: Any) -> None:
 
 
 def test_what_was_fused_before_is_told(px4_types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> tuple[Fusion, ...]:
-        fast: dict[str, Any] = {"velocity": (20.0, 0.0, 0.0), "velocity_variance": 0.01}
+    async def program(flight: Flight, vehicle: Flown) -> tuple[Fusion, ...]:
         await fused(flight, lambda: flight.measure.local(**MOVING))
-        await while_sending(lambda: flight.measure.local(**fast), 3.0)
+        vehicle.world.external._control = 0  # a parameter that is changed in flight
+        await while_sending(lambda: flight.measure.local(**MOVING), 2.0)
         return flight.measure.state
 
     (state,) = fly(px4_types, program, INDOORS)
-    assert (state.part, state.is_fused, "starts anew" in state.reason) == ("velocity", False, True)
+    assert state == ("velocity", False, "it was before: PX4's console tells why EKF2 has stopped it")
+
+
+# What EKF2 rejects
+
+CURE = ": raise its variance, or the reset counter after a jump"
+
+
+def test_what_is_too_far_from_the_estimate_is_told_though_its_flag_is_set(types: Any) -> None:
+    """EKF2 leaves the flags while it rejects measurements: for 1 s, until it begins anew at them."""
+
+    async def program(flight: Flight, _: Flown) -> None:
+        await fused(flight, lambda: flight.measure.local(**HERE, **MOVING, **LEVEL))
+        off: dict[str, Any] = {
+            "position": (30.0, 0.0, 0.0),
+            "velocity": (0.0, -4.0, 0.0),
+            "attitude": (0.0, 0.0, 0.0, 1.0),
+        }
+        values = {**HERE, **MOVING, **LEVEL, **off}
+        await while_sending(lambda: flight.measure.local(**values), 0.8)
+        flags = flight.measure._flags.latest  # type: ignore[union-attr]
+        assert all(getattr(flags, part.flag) for part in PARTS if part is not PLACE)
+        assert {each.part: re.sub(r"(0\.\d)\d", r"\1", each.reason) for each in flight.measure.state} == {
+            "position": f"x is 30 m from the estimate, and EKF2 takes 0.5 m{CURE}",
+            "height": "",
+            "velocity": f"vy is 4 m/s from the estimate, and EKF2 takes 0.4 m/s{CURE}",
+            "attitude": f"the heading is 180 degrees from the estimate, and EKF2 takes 15 degrees{CURE}",
+        }
+        assert [each.is_fused for each in flight.measure.state] == [False, True, False, False]
+        await while_sending(lambda: flight.measure.local(**{**values, "velocity": (0.0, 0.0, 0.0)}), 1.0)
+        assert [each.is_fused for each in flight.measure.state] == [True] * 4
+
+    fly(types, program, INDOORS)
+
+
+REJECTED: list[tuple[dict[str, Any], str]] = [
+    (
+        {"velocity": (0.0, 0.0, 9.0), "velocity_variance": 0.01},
+        f"vz is 9 m/s from the estimate, and EKF2 takes ~1 m/s{CURE}",
+    ),
+    (
+        {"velocity": (9.0, 0.0, 0.0), "velocity_variance": 0.01, "velocity_frame": "body_frd"},
+        f"the speed is 9 m/s from the estimate, and EKF2 takes ~2 m/s{CURE}",
+    ),
+    ({"velocity": (120.0, 0.0, 0.0), "velocity_variance": 1e6}, "it is faster than 100 m/s, EKF2_VEL_LIM"),
+    (
+        {**HERE, **LEVEL, "frame": "flu"},
+        "it is in FRD, and EKF2 uses only a heading in NED beside GPS: send both in NED",
+    ),
+    (
+        LEVEL,
+        "without a position, it counts as one in FRD, and EKF2 uses only a heading in NED beside GPS: send both in NED",
+    ),
+]
+"""What EKF2 does not use beside GPS, whatever the parameters are, and why."""
+
+
+@pytest.mark.parametrize("control", [0.0, 15.0])
+@pytest.mark.parametrize(("values", "reason"), REJECTED)
+def test_no_parameter_is_blamed_for_what_is_not_used_anyway(
+    types: Any, values: dict[str, Any], reason: str, control: float
+) -> None:
+    options = Options(parameters={"EKF2_EV_CTRL": control})
+    found = why(types, lambda flight: flight.measure.local(**values), options)
+    assert re.sub(r"(\d)\.\d", r"~\1", found["velocity" if "velocity" in values else "attitude"]) == reason
+
+
+def test_a_heading_is_told_in_the_air(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> str:
+        await vehicle.in_air(flight, 3.0)
+        half = math.sqrt(0.5)
+        values: dict[str, Any] = {**HERE, "variance": 1e4, **LEVEL, "attitude": (half, 0.0, 0.0, half)}
+        await while_sending(lambda: flight.measure.local(**values), 2.0)
+        return flight.measure.state[-1].reason
+
+    found = fly(types, program, Options(parameters={"EKF2_EV_CTRL": 8.0}))
+    assert found.startswith("the heading is 90 degrees from the estimate, and EKF2 takes 15 degrees: raise its")
+
+
+def test_a_place_on_earth_is_told(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> str:
+        here = vehicle.world.place
+        place = GlobalPlace(here.latitude, here.longitude + 0.001, here.altitude)
+        await while_sending(lambda: flight.measure.on_earth(place, accuracy=1.0), 2.0)
+        return flight.measure.state[-1].reason
+
+    if has_ids(types) or "cs_gnss_pos" in {field.name for field in types.EstimatorStatusFlags.__msg__.fields}:
+        found = fly(types, program, on_earth(types))
+        assert found.startswith("the longitude is 75 m from the estimate, and EKF2 takes 3.1 m: raise its variance, or")
+
+
+def test_a_moving_vehicle_is_not_taken_for_one_that_is_far(px4_types: Any) -> None:
+    """What a camera saw 0.25 s ago is compared with where the vehicle was then."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        seen: list[tuple[int, Any, Any]] = []
+
+        def see() -> None:
+            motion = vehicle.world.flight
+            seen.append((flight.measure.time, motion.position, motion.velocity))
+            if len(seen) > 5:
+                time, place, velocity = seen[-6]
+                flight.measure.local(
+                    position=place, variance=0.01, velocity=velocity, velocity_variance=0.01, time=time
+                )
+            if vehicle.world.mode == EXTERNAL:
+                assert all(each.is_fused for each in flight.measure.state), flight.measure.state
+
+        eyes = asyncio.ensure_future(repeat(see))
+        await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
+        await flight.measure.fused()
+        await flight.add(Line)
+        await vehicle.in_air(flight, 3.0)
+        await flight.set_mode(Line)
+        await asyncio.sleep(6.0)
+        assert math.hypot(*vehicle.world.flight.velocity) > 4.0
+        assert not eyes.done()
+        eyes.cancel()
+
+    fly(px4_types, program, INDOORS)
 
 
 def test_a_program_that_sends_nothing_is_told(px4_types: Any) -> None:
@@ -464,6 +583,13 @@ def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:
 
     with pytest.raises(NotFusedError, match="does not publish estimator_status_flags"):
         fly(px4_types, program, INDOORS)
+
+
+def test_a_low_quality_can_be_the_reason() -> None:
+    """As of programs that do not set it, which `doctor` looks at."""
+    sent = {"velocity": (0.0,) * 3, "velocity_frame": 1, "quality": 0}
+    found = reason(VELOCITY, sent, {}, {})
+    assert found.endswith("(velocity) is probably not set, or EKF2_EV_QMIN is above its `quality`, 0")
 
 
 # A flight without GPS

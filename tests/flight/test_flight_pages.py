@@ -13,7 +13,7 @@ import msggen.flight
 from msggen.flight import BlockingFlight, Executor, Flight, Mode
 from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
-from msggen.messages.measurements import HEIGHT, POSITION, VELOCITY, YAW
+from msggen.messages.measurements import GATES, HEIGHT, POSITION, VELOCITY, YAW
 from msggen.messages.setpoints import SENT, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run
@@ -24,7 +24,7 @@ from support.repository import ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-BLOCKS = {"flight_safety": 1, "flight": 5, "flight_modes": 5, "missions": 2, "measurements": 3, "flight_vehicles": 4}
+BLOCKS = {"flight_safety": 1, "flight": 5, "flight_modes": 5, "missions": 2, "measurements": 4, "flight_vehicles": 4}
 TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in BLOCKS}
 PARAMETERS = {"measurements": {"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0}}
 """Those that the vehicle of a page has other values of."""
@@ -91,6 +91,15 @@ def test_the_bits_on_the_page_are_those_of_the_list() -> None:
     )
     bits = {name: [int(each) for each in re.findall(r"\b\d\b", cell)] for name, cell in rows}
     assert bits == {"position": [POSITION.bit, HEIGHT.bit], "velocity": [VELOCITY.bit], "attitude": [YAW.bit]}
+
+
+def test_the_gates_on_the_page_are_those_of_the_list() -> None:
+    rows = dict(
+        re.findall(r"^\| ([\w ]+?)(?:, each axis)? \| ([\d.]+), `EKF2_\w+_GATE`", TEXTS["measurements"], re.MULTILINE)
+    )
+    assert {name: float(deviations) for name, deviations in rows.items()} == {
+        part.name: gate.deviations for part, gate in GATES.items()
+    }
 
 
 def test_the_tables_of_setpoints_are_those_of_the_code() -> None:

@@ -1,7 +1,8 @@
 """Measurements of hostile programs: messages to a simulated vehicle, and calls of `flight.measure`.
 
 The vehicle is simulated, on its own clock. Whatever arrives, its estimate is finite, and it fuses only what its
-parameters switch on. A program gets errors that are documented, and sends only what EKF2 can use, at once.
+parameters switch on. A program gets errors that are documented, and sends only what EKF2 can use, at once. At the end,
+a camera sends the same for some time: what is not fused has a reason, and no parameter is blamed that is set.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, NamedTuple
 from fuzz.payloads import targets
 from msggen.flight import Flight, GlobalPlace
 from msggen.flight.measurements import LOGGER
-from msggen.messages.measurements import GLOBAL, LOCAL, PLACE
+from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, PLACE
 from msggen.sim import Options
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
@@ -31,6 +32,8 @@ ACTS = 60
 NUMBERS = (math.nan, math.inf, -math.inf, 0.0, -0.0, 1e-45, 3.4e38, -3.4e38, 1.0, -1.0, 1e6, 123.0)
 WORDS: tuple[Any, ...] = ("ned", "enu", "frd", "flu", "body_frd", "NED", "", None, 7)
 CALLS = ("position", "variance", "velocity", "velocity_variance", "attitude", "attitude_variance", "time", "frame")
+STEADY = 60
+"""How many measurements the last camera sends, at 20 Hz: more than EKF2 rejects before it begins anew."""
 LOST = 5.5
 """The time in s after which nothing is fused any more."""
 TOLD = ("VehicleLocalPosition", "VehicleOdometry", "VehicleGlobalPosition", "EstimatorStatusFlags", "SensorGps")
@@ -41,6 +44,8 @@ class Case(NamedTuple):
 
     parameters: tuple[tuple[str, float], ...]
     acts: tuple[tuple[float, str, int], ...]
+    camera: int = 0
+    """The seed of what is sent at the end."""
 
 
 class Watched(NearVehicle):
@@ -59,6 +64,9 @@ def case(chance: Random) -> Case:
     parameters = {
         "EKF2_EV_CTRL": float(chance.randrange(16)),
         "EKF2_GPS_CTRL": chance.choice((0.0, 7.0)),
+        "EKF2_EV_DELAY": chance.choice((0.0, 0.0, 100.0, math.inf)),
+        "EKF2_EV_QMIN": chance.choice((0.0, 0.0, 50.0, 101.0, -1.0)),
+        "EKF2_HGT_REF": chance.choice((1.0, 1.0, 3.0)),
         "EKF2_AGP0_CTRL": chance.choice((0.0, 1.0, math.inf)),
         "EKF2_AGP0_ID": float(chance.randrange(3)),
     }
@@ -67,7 +75,7 @@ def case(chance: Random) -> Case:
         (chance.choice((0.001, 0.02, 0.05, 0.1, 0.3)), chance.choice(kinds), chance.randrange(1 << 32))
         for _ in range(chance.randrange(ACTS))
     ]
-    return Case((*parameters.items(),), (*acts,))
+    return Case((*parameters.items(),), (*acts,), chance.randrange(1 << 32))
 
 
 def check(case: Case) -> None:
@@ -103,6 +111,33 @@ async def _fly(vehicle: Watched, types: Any, case: Case) -> None:
         _check_sent(vehicle.sent[before:])
         await asyncio.sleep(LOST)
         assert not vehicle.world.external.fused
+        await _check_reasons(flight, vehicle, dict(case.parameters), Random(case.camera))  # noqa: S311 - no secret
+
+
+async def _check_reasons(flight: Flight, vehicle: Watched, parameters: dict[str, float], chance: Random) -> None:
+    """Let a camera see the same for some time, and look at the reasons at its end."""
+    far, north = chance.choice((0.0, 0.0, 3.0, 90.0)), chance.choice((0.0, 2.0))
+    half = math.sqrt(0.5)
+    given: dict[str, Any] = {
+        "position": (far, 0.0, 0.0),
+        "velocity": (0.0, north, 0.0),
+        "attitude": chance.choice(((1.0, 0.0, 0.0, 0.0), (half, 0.0, 0.0, half))),
+    }
+    values: dict[str, Any] = {"frame": chance.choice(("ned", "flu"))}
+    for name in chance.sample([*given], chance.randrange(1, 4)):
+        values |= {name: given[name], "variance" if name == "position" else f"{name}_variance": 0.01}
+    for _ in range(STEADY):
+        flight.measure.local(**values)
+        await asyncio.sleep(0.05)
+    world, bits = vehicle.world, int(parameters["EKF2_EV_CTRL"])
+    is_spoilt = parameters["EKF2_EV_QMIN"] > 100.0  # that of what is sent
+    parts = {part.name: part for part in PARTS}
+    assert flight.measure.state
+    for name, is_fused, reason in flight.measure.state:
+        assert is_fused == (not reason)
+        assert not is_fused or parts[name] in world.external.fused, name
+        assert "EKF2_EV_CTRL" not in reason or not parts[name].bit & bits or is_spoilt, (name, reason)
+        assert parts[name].bit & bits or reason, name
 
 
 def _stamp(now: int, chance: Random) -> int:

@@ -18,7 +18,9 @@ from msggen.messages.measurements import HEIGHT, NED, PARTS, PLACE, POSITION, VE
 from msggen.sim import Options
 from msggen.sim.attitude import quaternion_of
 from msggen.sim.commander.rules import V1_15, V1_16, V1_17, V1_18
+from msggen.sim.flight import ZERO
 from msggen.sim.noise import noise_of
+from msggen.sim.parameters import PARAMETERS
 from msggen.sim.publishing import localize
 from msggen.sim.values import Filler, Scene
 from msggen.sim.vehicle import world_of
@@ -236,7 +238,7 @@ def test_yaw(started: Camera) -> None:
     place = started.place()
     assert (place.heading, place.x) == (pytest.approx(1.0, abs=1e-5), 3.0)
     assert started.fused == {"position", "height", "attitude"}
-    assert not started.flags().cs_yaw_align
+    assert started.flags().cs_yaw_align  # it had begun in NED
     send = lambda: started.local(q=turned, pose_frame=0, reset_counter=1, velocity=(0.0,) * 3, velocity_frame=1)  # noqa: E731
     assert started.until(lambda: "position" not in started.fused, send) == pytest.approx(0.17, abs=NEAR)
     started.run(0.5, send)
@@ -358,6 +360,125 @@ def test_fusion_ends_after_five_resets_in_the_air(started: Camera) -> None:
     assert any(ends[5:])
 
 
+def test_a_measurement_of_low_quality_is_not_used(types: Any) -> None:
+    """EKF2_EV_QMIN, ev_control.cpp of v1.16: no start, no sample of before, and after 0.4 s the data have stopped."""
+    camera = Camera(types, {**INDOORS, "EKF2_EV_QMIN": 50.0})
+    camera.run(1.0, lambda: camera.local(quality=49))
+    assert not camera.fused
+    assert camera.until(lambda: "position" in camera.fused, lambda: camera.local(quality=50)) < 0.3
+    assert camera.until(lambda: not camera.fused, lambda: camera.local(quality=49)) == pytest.approx(0.5, abs=NEAR)
+    camera.run(1.0, lambda: camera.local(quality=50))
+    jump = lambda: camera.local(quality=49, reset_counter=1)  # noqa: E731 - what is sent
+    assert camera.until(lambda: not camera.fused, jump) <= 0.25
+
+
+def test_a_delay_of_the_parameter_makes_samples_older(types: Any) -> None:
+    """EKF2_EV_DELAY in ms, setExtVisionData of v1.16: what is 0.2 s old counts as 0.4 s old."""
+    for delay, is_used in ((0.0, True), (200.0, False)):
+        camera = Camera(types, {**INDOORS, "EKF2_EV_DELAY": delay})
+        camera.run(2.0, lambda: camera.local(late=0.2))  # noqa: B023 - it is called at once
+        assert bool(camera.fused) is is_used
+
+
+def test_a_height_that_is_the_reference_moves_the_estimate(types: Any) -> None:
+    """EKF2_HGT_REF 3, ev_height_control.cpp of v1.16: the estimate is reset at the start and at each told jump."""
+    camera = Camera(types, {**INDOORS, "EKF2_HGT_REF": 3.0})
+    before = camera.place()
+    camera.run(1.0, lambda: camera.local(position=(0.0, 0.0, -4.0)))
+    place = camera.place()
+    assert (place.z, place.z_reset_counter, place.delta_z) == (-4.0, before.z_reset_counter + 1, -4.0)
+    assert place.dist_bottom == pytest.approx(before.dist_bottom, abs=1e-6)
+    camera.run(1.0, lambda: camera.local(position=(0.0, 0.0, 1.0), reset_counter=1))
+    assert camera.place().z == 1.0
+
+
+def test_another_height_is_learned(started: Camera) -> None:
+    """The same, with EKF2_HGT_REF 1: a jump is rejected for 5 s, hgt_fusion_timeout_max, and then learned anew."""
+    before = started.place()
+    started.run(1.0, lambda: started.local(position=(0.0, 0.0, -4.0), reset_counter=1))
+    send = lambda: started.local(position=(0.0, 0.0, 7.0), reset_counter=1)  # noqa: E731 - what is sent
+    assert started.until(lambda: "height" not in started.fused, send) == pytest.approx(5.1, abs=0.2)
+    assert started.until(lambda: "height" in started.fused, send) <= NEAR
+    assert (started.place().z, started.place().z_reset_counter) == (before.z, before.z_reset_counter)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "frame", "is_used"),
+    [
+        ((3.0, 0.0, 0.0), 1, True),
+        ((0.0, 3.0, 0.0), 1, False),
+        ((-3.0, 0.0, 0.0), 1, False),
+        ((0.0, -3.0, 0.0), 3, True),
+        ((3.0, 0.0, 0.0), 3, False),
+    ],
+)
+def test_the_direction_of_a_velocity_counts(types: Any, velocity: Any, frame: int, *, is_used: bool) -> None:
+    """Each axis is compared, ev_vel.h and ev_vel_control.cpp of v1.16: with GPS, a velocity in the gate can begin."""
+    camera = Camera(types, {"EKF2_EV_CTRL": 4.0})
+
+    def send() -> None:
+        flight.velocity, flight.yaw, flight.acceleration, flight.is_on_ground = (
+            (3.0, 0.0, 0.0),
+            math.pi / 2,
+            ZERO,
+            False,
+        )
+        camera.local(position=NAN3, velocity=velocity, velocity_frame=frame)
+        camera.world.external.step(camera.world.time, has_gps=True, is_resting=False)
+        camera.world.time += 50_000
+
+    flight = camera.world.flight
+    for _ in range(20):
+        send()
+    assert bool(camera.fused) is is_used
+
+
+def test_a_velocity_that_is_too_fast_is_dropped(types: Any) -> None:
+    """EKF2_VEL_LIM 100, ev_vel_control.cpp of v1.16."""
+    for speed, is_used in ((99.0, True), (101.0, False)):
+        camera = Camera(types, {**INDOORS, "EKF2_EV_CTRL": 4.0})
+        camera.run(1.0, lambda: camera.local(position=NAN3, velocity=(speed, 0.0, 0.0), velocity_frame=1))  # noqa: B023
+        assert bool(camera.fused) is is_used
+
+
+def test_a_heading_far_from_the_estimate_begins_on_the_ground_only(types: Any) -> None:
+    """fuseYaw of yaw_fusion.cpp, v1.16, which alone sets one of the flags of rejections up to v1.17."""
+    names = {field.name for field in types.EstimatorStatusFlags.__msg__.fields}
+    for is_resting in (False, True):
+        camera = Camera(types, {"EKF2_EV_CTRL": 8.0})
+        for _ in range(20):
+            camera.local(q=quaternion_of(0.0, 0.0, 2.0))
+            camera.world.external.step(camera.world.time, has_gps=True, is_resting=is_resting)
+            camera.world.time += 50_000
+        assert (camera.fused == {"attitude"}) is is_resting
+        assert getattr(camera.flags(), "reject_yaw", not is_resting) is not is_resting
+        assert not any(getattr(camera.flags(), name) for name in names if name in UNSET)
+    assert ("reject_yaw" in names) == ("reject_hor_pos" in names) == (not _has_ids(types))
+
+
+UNSET = ("reject_hor_pos", "reject_ver_pos", "reject_hor_vel", "reject_ver_vel")
+"""The flags that EKF2 publishes up to v1.17, and sets nowhere."""
+
+
+def test_an_attitude_without_a_position_counts_as_one_in_frd(types: Any) -> None:
+    """UpdateExtVisionSample of EKF2.cpp, v1.16: the frame is taken only with a position."""
+    q = quaternion_of(0.0, 0.0, 1.0)
+    camera = Camera(types)
+    camera.run(1.0, lambda: camera.local(position=NAN3, q=q))
+    assert (camera.fused, camera.flags().cs_yaw_align) == ({"attitude"}, False)
+    camera = Camera(types, {"EKF2_EV_CTRL": 8.0})
+    camera.run(1.0, lambda: camera.local(position=NAN3, q=q))
+    assert not camera.fused
+
+
+@pytest.mark.parametrize("vehicle", ["plane", "vtol", "rover"])
+def test_other_vehicles_jump_with_their_estimate_too(px4_types: Any, vehicle: str) -> None:
+    camera = Camera(px4_types, {**INDOORS, "EKF2_HGT_REF": 3.0}, vehicle=vehicle)
+    camera.run(1.0, lambda: camera.local(position=(5.0, -3.0, -1.0)))
+    place = camera.place()
+    assert (place.x, place.y, place.z) == pytest.approx((5.0, -3.0, -1.0))
+
+
 # Places on earth
 
 
@@ -412,10 +533,26 @@ def test_gps_decides_beside_a_place_on_earth(types: Any) -> None:
     here, resets = camera.world.origin, camera.place().xy_reset_counter
     camera.run(1.0, lambda: place_on_earth(camera, lat=here.latitude, lon=here.longitude))
     assert camera.fused == {PLACE.name}
+    if not camera.world.commander.rules.auxiliary_patience:  # v1.15 follows each place: the next test
+        return
     camera.run(1.0, lambda: place_on_earth(camera, lat=here.latitude + 0.001, lat_lon_reset_counter=1))
     assert not camera.fused
     assert (camera.place().x, camera.place().xy_reset_counter) == (0.0, resets)
     assert camera.world.origin == here
+
+
+def test_the_oldest_release_follows_each_place_at_once_beside_gps_too(px4_types: Any) -> None:
+    """aux_global_position.cpp before v1.16: it begins without a look, and resets the position at each rejection."""
+    for rules, is_followed in ((V1_15, True), (V1_16, False)):
+        world = World(rules=rules, parameters={**PARAMETERS, "EKF2_AGP_CTRL": 1.0})
+        place = world.origin._replace(latitude=world.origin.latitude + 0.001)
+        message = px4_types.VehicleGlobalPosition(lat=place.latitude, lon=place.longitude, eph=1.0)
+        for _ in range(20):
+            message.timestamp_sample = world.time
+            world.external.handlers["aux_global_position"](message, world.time)
+            world.advance(world.time + 50_000)
+        assert (world.flight.position[0] > 100.0) is is_followed
+        assert (PLACE in world.external.fused) is is_followed
 
 
 def test_a_jump_on_earth_is_followed_late_or_when_it_is_told(types: Any) -> None:
@@ -423,6 +560,5 @@ def test_a_jump_on_earth_is_followed_late_or_when_it_is_told(types: Any) -> None
     camera.run(1.0, lambda: place_on_earth(camera))
     send = lambda **values: place_on_earth(camera, lat=47.001, **values)  # noqa: E731 - what is sent
     seconds = camera.until(lambda: camera.place().x > 100.0, send)
-    names = {field.name for field in types.EstimatorStatusFlags.__msg__.fields}
-    assert seconds == pytest.approx(7.0 if "cs_gnss_fault" in names else 1.0, abs=0.3)  # it came in v1.17, too
+    assert seconds == pytest.approx(camera.world.commander.rules.auxiliary_patience / 1e6 + 0.15, abs=0.3)
     assert camera.until(lambda: camera.place().x < 1.0, lambda: place_on_earth(camera, lat_lon_reset_counter=1)) < 0.3

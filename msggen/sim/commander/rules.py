@@ -35,11 +35,12 @@ class Rules(NamedTuple):
     estimator: Mapping[str, float] = {"EKF2_EV_CTRL": 0.0, **_AUXILIARY}
     """The parameters of measurements whose names or defaults differ, with their defaults."""
     auxiliary_patience: int = 7_000_000
-    """The time in us for which global positions are rejected until the position is reset to them."""
+    """The time in us for which global positions are rejected until the position is reset to them. 0: at once, and
+    beside GPS, too."""
 
 
 V1_18 = Rules()
 V1_17 = Rules(configures_setpoints=False, api_version=1, estimator=_BEFORE)
 V1_16 = V1_17._replace(most_age=None, asks_executor=False, pushes_in_modes=False, auxiliary_patience=1_000_000)
-V1_15 = V1_16._replace(misses=3, first_misses=3, estimator={**_BEFORE, "EKF2_EV_CTRL": 15.0})
+V1_15 = V1_16._replace(misses=3, first_misses=3, estimator={**_BEFORE, "EKF2_EV_CTRL": 15.0}, auxiliary_patience=0)
 V1_15_SITL = V1_15._replace(always_registers=True)
