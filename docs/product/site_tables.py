@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from types import MappingProxyType
 
+from msggen.analysis.rules.table import FLIGHT
 from msggen.base.diagnostics import CODES
 from msggen.check.compare.rules import RULES
 from msggen.check.finding import Rule
@@ -101,7 +102,20 @@ def _of_doctor() -> str:
     return _table(("rule", "finds", "how to fix it"), *((f"`{rule.id}`", _purpose(rule), rule.fix) for rule in DOCTOR))
 
 
+def _of_flights() -> str:
+    return _table(
+        ("rule", "finds", "limit", "what to do"),
+        *((f"`{rule.id}`", _purpose(rule), rule.source, rule.fix) for rule in FLIGHT),
+    )
+
+
 ADDED: Mapping[str, Callable[[], str]] = MappingProxyType(
-    {"errors": _errors, "check_rules": _of_check, "lint_rules": _of_lint, "doctor_rules": _of_doctor}
+    {
+        "errors": _errors,
+        "check_rules": _of_check,
+        "lint_rules": _of_lint,
+        "doctor_rules": _of_doctor,
+        "flight_rules": _of_flights,
+    }
 )
 """The functions that make what is added, by name."""

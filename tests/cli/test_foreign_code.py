@@ -228,6 +228,7 @@ WORDS = {
     "log compact": ["fleet"],
     "log convert": ["a.ulg"],
     "log cut": ["a.ulg"],
+    "log findings": ["a.ulg"],
     "log info": ["a.ulg"],
     "log merge": ["a.ulg", "b.ulg", "-o", "c.mcap"],
     "log plot": ["a.ulg", "b.c"],

@@ -86,6 +86,7 @@ CASES: dict[str, list[list[str]]] = {
         [f"{FILE}.mcap", "-o", f"{FILE}.parquet"],
     ],
     "log cut": [*_each("-o", "cut.mcap", "--start", "0", of=_LOGS), [f"{FILE}.mcap", NAME, "--stop", "1"]],
+    "log findings": [*_each("-v", of=_LOGS), *_each("--json", of=_LOGS)],
     "log info": [
         *_each(of=_LOGS),
         *_each("--json", of=_LOGS),

@@ -18,6 +18,7 @@ CLI = "import sys; sys.argv[0] = 'msggen'\nfrom msggen.cli import main\nraise Sy
 RECORDINGS = "recordings"
 COMMANDS = {
     "info": ("log", "info", "flight.mcap"),
+    "findings": ("log", "findings", "flight.mcap"),
     "show": ("log", "show", "flight.mcap", "vehicle_status", "-n", "1"),
     "csv": ("log", "show", "flight.mcap", "vehicle_status", "-n", "1", "--csv"),
     "plot": ("log", "plot", "flight.mcap", "sensor_combined.gyro_rad", "-o", "x.png"),
@@ -50,8 +51,9 @@ MISSING = [
     ("store", "botocore", "stores"),
     ("dask", "distributed", "dask"),
     ("plot", "matplotlib", "plot"),
-    *((name, "numpy", RECORDINGS) for name in ("info", "show", "csv", "report", *TABLES, *MCAP[:-1], "play")),
-    *((name, "zstandard", RECORDINGS) for name in ("info", "show", "report", *TABLES[:3], "cut", "play")),
+    *((name, "numpy", RECORDINGS) for name in ("info", "findings", "show", "csv", "report", *TABLES)),
+    *((name, "numpy", RECORDINGS) for name in (*MCAP[:-1], "play")),
+    *((name, "zstandard", RECORDINGS) for name in ("info", "findings", "show", "report", *TABLES[:3], "cut", "play")),
     *((name, "pyarrow", RECORDINGS) for name in TABLES),
     *((name, "mcap", RECORDINGS) for name in MCAP),
     ("store", "obstore", "stores"),

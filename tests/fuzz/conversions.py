@@ -65,6 +65,8 @@ ACTIONS = (
     "info {} --verify --gaps",
     "show {} vehicle_status",
     "show {} --texts",
+    "findings {}",
+    f"findings {STDIN}",
     "report {} -o made.html",
     f"report {STDIN} -o made.html",
 )

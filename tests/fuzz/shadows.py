@@ -54,6 +54,7 @@ WORDS = {
     "log compact": "fleet",
     "log convert": "flight.ulg -o made",
     "log cut": "flight.ulg -o made.mcap",
+    "log findings": "flight.ulg",
     "log info": "flight.ulg",
     "log merge": "flight.ulg flight.ulg -o made.mcap",
     "log plot": "flight.ulg sensor_gps.fix_type -o a.png",

@@ -42,7 +42,7 @@ def _failures(flight: Flight) -> Iterator[Seen]:
 
 RULES = (
     FlightRule(
-        "FAILSAFE",
+        "IN_FAILSAFE",
         "PX4 was in failsafe",
         Category.FLIGHT,
         _failsafes,

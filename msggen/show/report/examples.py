@@ -34,8 +34,9 @@ def example_of(rule: Rule) -> Report:
 
 
 def _flight(rule: FlightRule) -> Report:
-    change = Change("flight.ulg", rule.example, Location("flight.ulg", 0))
-    return Report("", "flight.ulg", (rule,), (Finding(rule, change),), 1, "1 finding: flight.ulg")
+    name = "flight.ulg"
+    change = Change(name, rule.example, Location(name, 0))
+    return Report("", name, (rule,), (Finding(rule, change),), 1, f"1 finding: {name}")
 
 
 def _example(room: str, *names: str) -> Snapshot:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from types import ModuleType
 
-from msggen.cli.commands.log import convert, fleet, info, mcap, plot, report, show
+from msggen.cli.commands.log import convert, findings, fleet, info, mcap, plot, report, show
 from msggen.cli.commands.log.arguments import CODES
 from msggen.cli.options import Commands, add_group
 
-_MODULES = (info, show, plot, report, convert, fleet, mcap)
+_MODULES = (info, show, findings, plot, report, convert, fleet, mcap)
 """The modules of the actions, in the order of the help."""
 
 
@@ -18,7 +18,7 @@ def add_to(commands: Commands) -> None:
     actions = add_group(
         commands,
         "log",
-        help="look at recordings (MCAP, rosbag2, ULog), and plot, report on, convert, cut, merge and repair them",
+        help="look at recordings (MCAP, rosbag2, ULog), and examine, plot, convert, cut, merge and repair them",
         description="Look at recordings of flights, and make others of them: MCAP files, folders and databases of "
         "rosbag2, and PX4's own ULogs. Definitions come from the recording itself.",
         epilog=CODES,
