@@ -15,7 +15,8 @@ from msggen.messages.nav_states import DESCEND
 
 LOGGER = getLogger("msggen.flight")
 TAKEOFF = "takeoff"
-_LAND, _RETURN, _CHANGE = "land", "rtl", "changeSettings"
+LANDINGS = _LAND, _RETURN = "land", "rtl"
+_CHANGE = "changeSettings"
 _HOLD_SECONDS = 1.0
 
 
@@ -66,7 +67,7 @@ class _OnResume(Action):
         if not await handler.has_landed() or handler.resumes_on_ground:
             return
         item = handler.plan.items[index]
-        if isinstance(item, ActionItem) and item.name in {_LAND, _RETURN}:  # it has landed
+        if isinstance(item, ActionItem) and item.name in LANDINGS:  # it has landed
             handler.index = (index + 1) % len(handler.plan.items)
             return
         takeoff = handler.plan.last_action(TAKEOFF, index)

@@ -17,6 +17,7 @@ from msggen.flight.places import GlobalPlace, local_place
 from msggen.flight.requirements import GLOBAL_POSITION
 from msggen.flight.space import Vector, wrapped
 from msggen.flight.states import is_on_wings, is_rover, types_of
+from msggen.flight.telemetry import is_landed
 from msggen.messages import earth
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY, Kind
 
@@ -56,6 +57,16 @@ class MissionMode(Mode):
         if status is not None:
             followed = [kind for kind in _KINDS if not types_of(status).isdisjoint(kind.followed_by)]
             vars(self)["setpoints"] = tuple(filter(takes, followed)) or tuple(followed)  # an error names the release
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the vehicle is a rover, as far as that is known."""
+        return self.is_registered and self._status is not None and is_rover(self._status)
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether the vehicle is on the ground, as far as that is known."""
+        return self.is_registered and is_landed(self.feeds)
 
     @property
     def feeds(self) -> Feeds:
