@@ -879,6 +879,24 @@ def test_a_mission_takes_each_vehicle_to_its_waypoints(px4_types: Any, kind: str
     assert max(nearest) < (3.0 if kind == "rover" else 60.0)
 
 
+def test_a_heading_rate_of_0_keeps_the_heading(px4_types: Any) -> None:
+    """As in px4-ros2-interface-lib, which lets PX4 turn as slowly as it can."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        plan = Plan((TAKE_OFF, at(0.0, 6.0), ActionItem("rtl")), Settings(max_heading_rate=0.0))
+        mission = Mission(plan)
+        await flight.add(mission)
+        await flight.arm()
+        flying = asyncio.ensure_future(flight.fly(mission))
+        await vehicle.until(lambda: mission.index == 2, 40.0)
+        flying.cancel()
+        sent = [each for each in vehicle.sent if each.topic == "goto_setpoint"]
+        assert not any(each.message.flag_control_heading for each in sent)
+        assert len(sent) < 33 * (sent[-1].time - sent[0].time) + 3
+
+    fly(px4_types, program)
+
+
 @pytest.mark.parametrize("kind", ["plane", "vtol", "rover"])
 def test_a_mission_asks_for_what_the_release_takes(types: Any, kind: str) -> None:
     """Before v1.17, a VTOL hovers, and planes and rovers have no setpoints that go to places."""

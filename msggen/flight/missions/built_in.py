@@ -10,13 +10,12 @@ from typing import Final
 
 from msggen.flight.errors import FlightError
 from msggen.flight.missions.handler import Action, Arguments, Handler
-from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, ActionItem
+from msggen.flight.missions.plan import CHANGE, ON_FAILURE, ON_RESUME, RESET, ActionItem
 from msggen.messages.nav_states import DESCEND
 
 LOGGER = getLogger("msggen.flight")
 TAKEOFF = "takeoff"
 LANDINGS = _LAND, _RETURN = "land", "rtl"
-_CHANGE = "changeSettings"
 _HOLD_SECONDS = 1.0
 
 
@@ -49,12 +48,12 @@ class _ChangeSettings(Action):
         return False
 
     async def run(self, handler: Handler, arguments: Arguments) -> None:
-        if arguments.get("resetAll"):
+        if arguments.get(RESET):
             handler.settings = handler.plan.defaults
-            handler.forget(_CHANGE)
+            handler.forget(CHANGE)
         else:
             handler.settings = handler.settings.merged(arguments)
-            handler.store(_CHANGE, handler.settings.arguments)
+            handler.store(CHANGE, handler.settings.arguments)
 
 
 class _OnResume(Action):
@@ -100,7 +99,7 @@ BUILT_IN: Final[Mapping[str, Action]] = MappingProxyType(
         _LAND: _Land(),
         _RETURN: _Return(),
         "hold": _Hold(),
-        _CHANGE: _ChangeSettings(),
+        CHANGE: _ChangeSettings(),
         ON_RESUME: _OnResume(),
         ON_FAILURE: _OnFailure(),
     }

@@ -23,7 +23,7 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode, first
-from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Item, Plan, Waypoint
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Item, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.states import is_disarmed
@@ -61,16 +61,17 @@ class Mission(Executor):
 
     def __init__(
         self,
-        plan: Plan,
+        plan: Plan | None,
         *,
         name: str = "Mission",
         actions: Mapping[str, Action | Function | None] | None = None,
         state: str | os.PathLike[str] | None = None,
         on_progress: Callable[[int], None] | None = None,
     ) -> None:
-        """Take a plan, which is checked as a file that has `plan.dump()`.
+        """Take a plan, which is checked as a file that has `plan.dump()`, or None for one that is set later.
 
-        Raises InputError, TypeError for what is no action, and FlightError if `state` is another file.
+        Raises InputError, TypeError for what is no action, ValueError for a name of an action that is reserved, and
+        FlightError if `state` is another file.
         """
         self._given = {} if actions is None else dict(actions)
         merged = {**BUILT_IN, **self._given}
@@ -86,10 +87,12 @@ class Mission(Executor):
         self._due = -math.inf
         """When `unready` is looked at again. The vehicle asks several times a second."""
         self._path = ""
+        self._seen: tuple[int, ...] = ()
+        """What the file was like when it was read."""
         self._set(plan)
 
     @classmethod
-    def load(
+    def load(  # noqa: PLR0913 - keywords, each of which has a default
         cls,
         path: str | os.PathLike[str],
         *,
@@ -97,21 +100,25 @@ class Mission(Executor):
         actions: Mapping[str, Action | Function | None] | None = None,
         state: str | os.PathLike[str] | None = None,
         on_progress: Callable[[int], None] | None = None,
+        waits: bool = False,
     ) -> Mission:
         """Read a mission file. Its name is that of the file without the suffix.
+
+        With `waits`, the file can be missing. Then the mission is not ready until `follow` has read it.
 
         Raises InputError, whose diagnostics have the places in the file, and FlightError if `state` is another file.
         """
         path = os.fspath(path)
         stem = os.path.splitext(os.path.basename(path))[0]
-        plan = _read(path, {} if actions is None else actions)
+        seen = _stamp(path)
+        plan = None if waits and not seen else _read(path, {} if actions is None else actions)
         made = cls(plan, name=name or stem, actions=actions, state=state, on_progress=on_progress)
-        made._path = path
+        made._path, made._seen = path, seen
         return made
 
     @property
     def plan(self) -> Plan:
-        """The items of the mission. It can be set while the mission is not flown."""
+        """The items of the mission, none if there is no plan yet. It can be set while the mission is not flown."""
         return self._plan
 
     @plan.setter
@@ -120,8 +127,10 @@ class Mission(Executor):
             raise FlightError(f"mission {self._mode.name!r} is flown: set another plan when it has ended")
         self._set(plan)
 
-    def _set(self, plan: Plan) -> None:
-        self._plan, _ = parse_mission(plan.dump(), f"mission {self._mode.name}", self._given)  # checks it as a file
+    def _set(self, plan: Plan | None) -> None:
+        if plan is not None:
+            plan, _ = parse_mission(plan.dump(), f"mission {self._mode.name}", self._given)  # checks it as a file
+        self._plan = plan = plan or Plan(())
         self._checksum = plan.checksum
         found = self._state.load(self._checksum) if self._state is not None else None
         is_within = found is not None and found[0] < len(plan.items)
@@ -131,14 +140,17 @@ class Mission(Executor):
         """Read the file again when it changes, until this is cancelled. It is looked at with a period in s.
 
         A broken file is told, and the mission stays as it was. One that is flown changes when it has ended.
+
+        Raises FlightError for a mission that was not loaded from a file.
         """
-        seen = _stamp(self._path)
+        if not self._path:
+            raise FlightError(f"mission {self._mode.name!r} has no file to follow: `Mission.load(path)` reads one")
         while True:
             await asyncio.sleep(period)
             found = _stamp(self._path)
-            if found == seen or self.is_running:
+            if found == self._seen or self.is_running:
                 continue
-            seen = found
+            self._seen = found
             try:
                 self.plan = _read(self._path, self._given)
             except InputError as error:
@@ -159,6 +171,8 @@ class Mission(Executor):
     @property
     def unready(self) -> tuple[str, ...]:
         """Why the mission cannot begin, each text once."""
+        if not self._plan.items:
+            return ("there is no plan yet",)
         found: list[str] = []
         for item in self._plan.items:
             if isinstance(item, ActionItem):
@@ -358,6 +372,8 @@ class Mission(Executor):
 
 
 def _action(name: str, given: Action | Function) -> Action:
+    if name.startswith(RESERVED):
+        raise ValueError(f"action {name!r}: names with {RESERVED!r} are reserved")
     if isinstance(given, Action):
         return given
     if not iscoroutinefunction(given):
