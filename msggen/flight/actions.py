@@ -223,8 +223,9 @@ class Actions(Hinted):
         mode is selected on the way or the vehicle lands, LimitError as `Limits` says, and FlightError on the ground.
         """
         latitude, longitude, altitude = OnEarth(place, latitude, longitude, altitude).numbers("goto")
-        await self._check_place(GlobalPlace(latitude, longitude, altitude or 0.0), is_level=altitude is None)
         is_driving = self._is(is_rover)
+        is_level = is_driving or altitude is None
+        await self._check_place(GlobalPlace(latitude, longitude, altitude or 0.0), is_level=is_level)
         if is_landed(self._feeds) and not is_driving:
             raise FlightError("the vehicle is on the ground: take off first")
         above_sea = math.nan if altitude is None else altitude

@@ -121,7 +121,22 @@ WRONG = {
     "F102 'horizontalVelocity': expected a number above 0, got -1": text_of(
         {"type": "rtl"}, defaults={"horizontalVelocity": -1}
     ),
-    "F102 'maxHeadingRate': expected a number above 0, got 0": text_of({"type": "changeSettings", "maxHeadingRate": 0}),
+    "F102 'verticalVelocity': expected a number above 0, got 0": text_of(
+        {"type": "changeSettings", "verticalVelocity": 0}
+    ),
+    "F102 'maxHeadingRate': expected a number of at least 0, got -1": text_of(
+        {"type": "rtl"}, defaults={"maxHeadingRate": -1}
+    ),
+    "1:38: F105 warning: 'changeSettings' changes nothing: give it horizontalVelocity, verticalVelocity, ": text_of(
+        {"type": "changeSettings"}
+    ),
+    "F105 warning: 'changeSettings' changes nothing": text_of({"type": "changeSettings", "resetAll": False}),
+    "F105 warning: 'maxHeadingRate' has no effect beside 'resetAll': true": text_of(
+        {"type": "changeSettings", "resetAll": True, "maxHeadingRate": 5}
+    ),
+    "1:47: F102 'internal:resume': names with 'internal:' are reserved": text_of({"type": "internal:resume"}),
+    "F102 'internal:a': names with 'internal:' are reserved": text_of({"type": "rtl"}, **{"internal:a": 1}),
+    "F102 'internal:b': names with 'internal:' are reserved": text_of({"type": "takePhoto", "internal:b": 1}),
     "F102 'resetAll': expected true or false, got 1": text_of({"type": "changeSettings", "resetAll": 1}),
     "F102 'duration': expected a number of at least 0, got -1": text_of({"type": "hold", "duration": -1}),
     "F102 'altitude': expected a number, got true".replace("true", "True"): text_of(
@@ -164,6 +179,19 @@ def test_what_is_wrong_is_told_with_its_place(error: str) -> None:
 def test_all_errors_are_told_in_one_run() -> None:
     items = [{"type": "takof"}, {**NAVIGATION, "x": 123, "y": 999, "z": None}, {"type": "hold", "duration": "long"}, 7]
     assert len([each for each in told(text_of(*items)) if "F10" in each]) == 6
+
+
+@pytest.mark.parametrize(
+    "item",
+    [
+        {"type": "changeSettings", "horizontalVelocity": 3, "maxHeadingRate": 0},
+        {"type": "changeSettings", "resetAll": True},
+        {"type": "hold", "duration": 0, "id": ""},
+    ],
+)
+def test_what_the_schema_of_the_library_allows_is_read_without_a_word(item: object) -> None:
+    """The schema of px4-ros2-interface-lib at d1a1792 allows speeds of 0, too, with which PX4 does not move."""
+    assert told(text_of({"type": "rtl"}, item, defaults={"maxHeadingRate": 0.0})) == []
 
 
 def test_an_action_of_the_program_takes_all_arguments() -> None:
@@ -320,6 +348,55 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path, caplog: pytest.LogCap
     with caplog.at_level(logging.WARNING):
         assert asyncio.run(changes()) == [2, 2, 1]
     assert "the mission stays as it was: " in caplog.text
+
+
+def test_a_file_that_comes_later_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "survey.json"
+    with pytest.raises(InputError, match="cannot be read: No such file"):
+        Mission.load(path)
+
+    async def comes() -> None:
+        mission = Mission.load(path, waits=True)
+        assert (mission.unready, mission.plan.items) == (("there is no plan yet",), ())
+        following = asyncio.ensure_future(mission.follow(0.01))
+        await asyncio.sleep(0.05)
+        path.write_text(text_of({"type": "rtl"}), encoding="utf-8")
+        for _ in range(500):
+            if mission.plan.items:
+                break
+            await asyncio.sleep(0.01)
+        assert mission.unready == ()
+        following.cancel()
+
+    asyncio.run(comes())
+
+
+def test_a_file_that_changes_before_it_is_followed_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "survey.json"
+    path.write_text(text_of({"type": "rtl"}), encoding="utf-8")
+
+    async def changes() -> None:
+        mission = Mission.load(path)
+        path.write_text(text_of({"type": "rtl"}, {"type": "land"}), encoding="utf-8")
+        following = asyncio.ensure_future(mission.follow(0.01))
+        for _ in range(500):
+            if len(mission.plan.items) == 2:
+                break
+            await asyncio.sleep(0.01)
+        following.cancel()
+        assert len(mission.plan.items) == 2
+
+    asyncio.run(changes())
+
+
+def test_a_mission_without_a_file_cannot_be_followed() -> None:
+    with pytest.raises(FlightError, match="mission 'Mission' has no file to follow"):
+        asyncio.run(Mission(Plan((ActionItem("rtl"),))).follow())
+
+
+def test_a_reserved_name_of_an_action_is_refused() -> None:
+    with pytest.raises(ValueError, match="action 'internal:a': names with 'internal:' are reserved"):
+        Mission(Plan((ActionItem("rtl"),)), actions={"internal:a": _nothing})
 
 
 # the state

@@ -637,6 +637,53 @@ def test_a_place_that_is_out_of_reach_is_told_before_arming(types: Any, item: It
     run(main(), vehicle)
 
 
+FIRST = "item 0 is a waypoint, and the vehicle is on the ground then: put a takeoff before it"
+NO_LIFT = "item 1 is a takeoff, which a rover does not do: leave it out"
+
+
+@pytest.mark.parametrize(
+    ("kind", "items", "why"),
+    [
+        ("multicopter", [at(5.0)], FIRST),
+        ("plane", [at(5.0)], FIRST),
+        ("multicopter", [ActionItem("hold"), at(5.0)], FIRST.replace("0", "1")),
+        ("multicopter", [TAKE_OFF, at(5.0), ActionItem("land"), at(5.0)], FIRST.replace("0", "3")),
+        ("multicopter", [TAKE_OFF, at(5.0), ActionItem("land"), TAKE_OFF, at(5.0)], ""),
+        ("multicopter", [ActionItem("lift"), at(5.0)], ""),
+        ("multicopter", [ActionItem("rtl")], ""),
+        ("rover", [at(5.0), ActionItem("takeoff")], NO_LIFT),
+        ("rover", [at(5.0), ActionItem("rtl")], ""),
+    ],
+)
+def test_a_mission_that_cannot_leave_the_ground_is_told_before_arming(
+    px4_types: Any, kind: str, items: Sequence[Item], why: str
+) -> None:
+    async def program(flight: Flight, _: Flown) -> None:
+        mission = Mission(Plan(tuple(items)), actions={"lift": nothing})
+        await flight.add(mission)
+        await flight.set_mode(mission)
+        await asyncio.sleep(1.5)
+        assert mission.unready == ((why,) if why else ())
+        if why:
+            with pytest.raises(RefusedError, match=why):
+                await flight.arm()
+        else:
+            await flight.arm()
+
+    fly(px4_types, program, SimOptions(vehicle=kind))
+
+
+def test_a_mission_without_takeoff_begins_in_the_air(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mission = Mission(Plan((at(5.0), ActionItem("land"))))
+        await flight.add(mission)
+        await vehicle.in_air(flight, UP)
+        await flight.fly(mission)
+        assert vehicle.world.is_landed
+
+    fly(types, program)
+
+
 def test_an_action_that_raises_fails_the_mission(types: Any) -> None:
     """The vehicle returns home, once, and the program gets the item."""
     ended: list[str] = []
@@ -830,6 +877,24 @@ def test_a_mission_takes_each_vehicle_to_its_waypoints(px4_types: Any, kind: str
 
     fly(px4_types, program, SimOptions(vehicle=kind))
     assert max(nearest) < (3.0 if kind == "rover" else 60.0)
+
+
+def test_a_heading_rate_of_0_keeps_the_heading(px4_types: Any) -> None:
+    """As in px4-ros2-interface-lib, which lets PX4 turn as slowly as it can."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        plan = Plan((TAKE_OFF, at(0.0, 6.0), ActionItem("rtl")), Settings(max_heading_rate=0.0))
+        mission = Mission(plan)
+        await flight.add(mission)
+        await flight.arm()
+        flying = asyncio.ensure_future(flight.fly(mission))
+        await vehicle.until(lambda: mission.index == 2, 40.0)
+        flying.cancel()
+        sent = [each for each in vehicle.sent if each.topic == "goto_setpoint"]
+        assert not any(each.message.flag_control_heading for each in sent)
+        assert len(sent) < 33 * (sent[-1].time - sent[0].time) + 3
+
+    fly(px4_types, program)
 
 
 @pytest.mark.parametrize("kind", ["plane", "vtol", "rover"])

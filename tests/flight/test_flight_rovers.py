@@ -220,11 +220,12 @@ def test_limits_stop_it(px4_types: Any) -> None:
     fly(px4_types, program, WHEELS)
 
 
-def test_the_flight_itself_drives_to_a_place(px4_types: Any) -> None:
+@pytest.mark.parametrize("up", [99.0, -488.0, 2e4])
+def test_the_flight_itself_drives_to_a_place_at_any_altitude(px4_types: Any, up: float) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         home = vehicle.world.home
         await flight.arm()
-        await flight.goto(latitude=home.latitude + 1e-4, longitude=home.longitude, altitude=home.altitude + 99.0)
+        await flight.goto(latitude=home.latitude + 1e-4, longitude=home.longitude, altitude=home.altitude + up)
         x, y, _ = vehicle.world.flight.position
         assert math.dist((x, y), (11.1, 0.0)) < 1.1
         await flight.land()

@@ -10,12 +10,12 @@ from typing import Final
 
 from msggen.flight.errors import FlightError
 from msggen.flight.missions.handler import Action, Arguments, Handler
-from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, ActionItem
+from msggen.flight.missions.plan import CHANGE, ON_FAILURE, ON_RESUME, RESET, ActionItem
 from msggen.messages.nav_states import DESCEND
 
 LOGGER = getLogger("msggen.flight")
 TAKEOFF = "takeoff"
-_LAND, _RETURN, _CHANGE = "land", "rtl", "changeSettings"
+LANDINGS = _LAND, _RETURN = "land", "rtl"
 _HOLD_SECONDS = 1.0
 
 
@@ -48,12 +48,12 @@ class _ChangeSettings(Action):
         return False
 
     async def run(self, handler: Handler, arguments: Arguments) -> None:
-        if arguments.get("resetAll"):
+        if arguments.get(RESET):
             handler.settings = handler.plan.defaults
-            handler.forget(_CHANGE)
+            handler.forget(CHANGE)
         else:
             handler.settings = handler.settings.merged(arguments)
-            handler.store(_CHANGE, handler.settings.arguments)
+            handler.store(CHANGE, handler.settings.arguments)
 
 
 class _OnResume(Action):
@@ -66,7 +66,7 @@ class _OnResume(Action):
         if not await handler.has_landed() or handler.resumes_on_ground:
             return
         item = handler.plan.items[index]
-        if isinstance(item, ActionItem) and item.name in {_LAND, _RETURN}:  # it has landed
+        if isinstance(item, ActionItem) and item.name in LANDINGS:  # it has landed
             handler.index = (index + 1) % len(handler.plan.items)
             return
         takeoff = handler.plan.last_action(TAKEOFF, index)
@@ -99,7 +99,7 @@ BUILT_IN: Final[Mapping[str, Action]] = MappingProxyType(
         _LAND: _Land(),
         _RETURN: _Return(),
         "hold": _Hold(),
-        _CHANGE: _ChangeSettings(),
+        CHANGE: _ChangeSettings(),
         ON_RESUME: _OnResume(),
         ON_FAILURE: _OnFailure(),
     }

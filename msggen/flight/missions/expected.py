@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.missions.plan import SETTINGS
+from msggen.flight.missions.plan import CHANGE, HEADING_RATE, RESET, SETTINGS
 
 _LARGEST = 3.4e38
 """What a float32 holds."""
@@ -33,13 +33,17 @@ TEXT: Final = Expected("a text", lambda value: isinstance(value, str))
 OBJECT: Final = Expected("an object", lambda value: isinstance(value, dict))
 ARRAY: Final = Expected("an array", lambda value: isinstance(value, list))
 
+LIMITS: Final[Mapping[str, Expected]] = MappingProxyType(
+    {name: NOT_NEGATIVE if name == HEADING_RATE else POSITIVE for name in SETTINGS}
+)
+"""The limits of a flight. At a speed of 0, PX4 does not move, and would never arrive; without turning, it does."""
 ARGUMENTS: Final[Mapping[str, Mapping[str, Expected]]] = MappingProxyType(
     {
         "takeoff": {"altitude": NUMBER},
         "land": {},
         "rtl": {},
         "hold": {"duration": NOT_NEGATIVE},
-        "changeSettings": {**dict.fromkeys(SETTINGS, POSITIVE), "resetAll": TRUTH},
+        CHANGE: {**LIMITS, RESET: TRUTH},
     }
 )
 """The actions that every mission has, and the arguments that each takes."""

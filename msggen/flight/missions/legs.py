@@ -17,6 +17,7 @@ from msggen.flight.places import GlobalPlace, local_place
 from msggen.flight.requirements import GLOBAL_POSITION
 from msggen.flight.space import Vector, wrapped
 from msggen.flight.states import is_on_wings, is_rover, types_of
+from msggen.flight.telemetry import is_landed
 from msggen.messages import earth
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY, Kind
 
@@ -56,6 +57,16 @@ class MissionMode(Mode):
         if status is not None:
             followed = [kind for kind in _KINDS if not types_of(status).isdisjoint(kind.followed_by)]
             vars(self)["setpoints"] = tuple(filter(takes, followed)) or tuple(followed)  # an error names the release
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the vehicle is a rover, as far as that is known."""
+        return self.is_registered and self._status is not None and is_rover(self._status)
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether the vehicle is on the ground, as far as that is known."""
+        return self.is_registered and is_landed(self.feeds)
 
     @property
     def feeds(self) -> Feeds:
@@ -103,17 +114,16 @@ class MissionMode(Mode):
             return
         goal = await local_place(self.feeds, place, "ned")
         limits: dict[str, Any] = {"max_speed": settings.horizontal_velocity}
-        is_level = is_rover(self._status)
+        is_level, rate = is_rover(self._status), settings.max_heading_rate
+        turns = not is_level and rate != 0.0
         if not is_level:
-            rate = settings.max_heading_rate
-            limits |= {
-                "max_climb": settings.vertical_velocity,
-                "max_turn_rate": None if rate is None else math.radians(rate),
-            }
+            limits["max_climb"] = settings.vertical_velocity
+        if turns and rate is not None:
+            limits["max_turn_rate"] = math.radians(rate)
         while True:
-            heading = None if is_level else course(await self.position(), goal)
+            heading = course(await self.position(), goal) if turns else None
             arriving = self.feeds["vehicle_local_position"].following(
-                partial(_is_due, goal, within, heading, is_level=is_level)
+                partial(_is_due, goal, within, heading, is_level=is_level, turns=turns)
             )
             await first(self.goto(place, heading=heading, within=within, **limits), arriving)
             if _apart(await self.position(), goal, is_level=is_level) < within:
@@ -130,13 +140,21 @@ def course(here: Vector, goal: Vector) -> float | None:
     return math.atan2(east, north) if math.hypot(north, east) > _NO_COURSE else None
 
 
-def _is_due(goal: Vector, within: float, heading: float | None, estimate: Any, *, is_level: bool = False) -> bool:
+def _is_due(  # noqa: PLR0913 - a place, and what counts
+    goal: Vector,
+    within: float,
+    heading: float | None,
+    estimate: Any,
+    *,
+    is_level: bool = False,
+    turns: bool = True,
+) -> bool:
     """Whether a VehicleLocalPosition is near a place, or shows it in another direction than `heading`.
 
-    With `is_level`, neither the height nor the direction counts.
+    With `is_level`, the height does not count. The direction does only if the vehicle `turns`.
     """
     here = Vector(estimate.x, estimate.y, estimate.z)
-    now = None if is_level else course(here, goal)
+    now = course(here, goal) if turns else None
     if _apart(here, goal, is_level=is_level) < within:
         return True
     return now != heading if now is None or heading is None else abs(wrapped(now - heading)) > _TURNED

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
-from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF
+from msggen.flight.missions.built_in import BUILT_IN, LANDINGS, TAKEOFF
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
@@ -23,7 +23,7 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode, first
-from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Plan, Waypoint
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Item, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.states import is_disarmed
@@ -61,16 +61,17 @@ class Mission(Executor):
 
     def __init__(
         self,
-        plan: Plan,
+        plan: Plan | None,
         *,
         name: str = "Mission",
         actions: Mapping[str, Action | Function | None] | None = None,
         state: str | os.PathLike[str] | None = None,
         on_progress: Callable[[int], None] | None = None,
     ) -> None:
-        """Take a plan, which is checked as a file that has `plan.dump()`.
+        """Take a plan, which is checked as a file that has `plan.dump()`, or None for one that is set later.
 
-        Raises InputError, TypeError for what is no action, and FlightError if `state` is another file.
+        Raises InputError, TypeError for what is no action, ValueError for a name of an action that is reserved, and
+        FlightError if `state` is another file.
         """
         self._given = {} if actions is None else dict(actions)
         merged = {**BUILT_IN, **self._given}
@@ -86,10 +87,12 @@ class Mission(Executor):
         self._due = -math.inf
         """When `unready` is looked at again. The vehicle asks several times a second."""
         self._path = ""
+        self._seen: tuple[int, ...] = ()
+        """What the file was like when it was read."""
         self._set(plan)
 
     @classmethod
-    def load(
+    def load(  # noqa: PLR0913 - keywords, each of which has a default
         cls,
         path: str | os.PathLike[str],
         *,
@@ -97,21 +100,25 @@ class Mission(Executor):
         actions: Mapping[str, Action | Function | None] | None = None,
         state: str | os.PathLike[str] | None = None,
         on_progress: Callable[[int], None] | None = None,
+        waits: bool = False,
     ) -> Mission:
         """Read a mission file. Its name is that of the file without the suffix.
+
+        With `waits`, the file can be missing. Then the mission is not ready until `follow` has read it.
 
         Raises InputError, whose diagnostics have the places in the file, and FlightError if `state` is another file.
         """
         path = os.fspath(path)
         stem = os.path.splitext(os.path.basename(path))[0]
-        plan = _read(path, {} if actions is None else actions)
+        seen = _stamp(path)
+        plan = None if waits and not seen else _read(path, {} if actions is None else actions)
         made = cls(plan, name=name or stem, actions=actions, state=state, on_progress=on_progress)
-        made._path = path
+        made._path, made._seen = path, seen
         return made
 
     @property
     def plan(self) -> Plan:
-        """The items of the mission. It can be set while the mission is not flown."""
+        """The items of the mission, none if there is no plan yet. It can be set while the mission is not flown."""
         return self._plan
 
     @plan.setter
@@ -120,8 +127,10 @@ class Mission(Executor):
             raise FlightError(f"mission {self._mode.name!r} is flown: set another plan when it has ended")
         self._set(plan)
 
-    def _set(self, plan: Plan) -> None:
-        self._plan, _ = parse_mission(plan.dump(), f"mission {self._mode.name}", self._given)  # checks it as a file
+    def _set(self, plan: Plan | None) -> None:
+        if plan is not None:
+            plan, _ = parse_mission(plan.dump(), f"mission {self._mode.name}", self._given)  # checks it as a file
+        self._plan = plan = plan or Plan(())
         self._checksum = plan.checksum
         found = self._state.load(self._checksum) if self._state is not None else None
         is_within = found is not None and found[0] < len(plan.items)
@@ -131,14 +140,17 @@ class Mission(Executor):
         """Read the file again when it changes, until this is cancelled. It is looked at with a period in s.
 
         A broken file is told, and the mission stays as it was. One that is flown changes when it has ended.
+
+        Raises FlightError for a mission that was not loaded from a file.
         """
-        seen = _stamp(self._path)
+        if not self._path:
+            raise FlightError(f"mission {self._mode.name!r} has no file to follow: `Mission.load(path)` reads one")
         while True:
             await asyncio.sleep(period)
             found = _stamp(self._path)
-            if found == seen or self.is_running:
+            if found == self._seen or self.is_running:
                 continue
-            seen = found
+            self._seen = found
             try:
                 self.plan = _read(self._path, self._given)
             except InputError as error:
@@ -159,18 +171,48 @@ class Mission(Executor):
     @property
     def unready(self) -> tuple[str, ...]:
         """Why the mission cannot begin, each text once."""
+        if not self._plan.items:
+            return ("there is no plan yet",)
         found: list[str] = []
         for item in self._plan.items:
             if isinstance(item, ActionItem):
                 found += self._table[item.name].problems(item.document)
-        return tuple(dict.fromkeys([*found, *self._mode.beyond(self._places())]))
+        return tuple(dict.fromkeys([*found, *self._lifting(), *self._mode.beyond(self._places())]))
+
+    def _lifting(self) -> Iterator[str]:
+        """Yield what is wrong with the takeoffs of the mission, from the current item on."""
+        if self._mode.is_driving:
+            for index, item in enumerate(self._plan.items):
+                if self._is_built_in(item, TAKEOFF):
+                    yield f"item {index} is a takeoff, which a rover does not do: leave it out"
+            return
+        start = self._progress.index or 0
+        is_on_ground = self._mode.is_on_ground and not self._lifts_again(start)
+        for index, item in enumerate(self._plan.items[start:], start):
+            if isinstance(item, Waypoint) and is_on_ground:
+                yield f"item {index} is a waypoint, and the vehicle is on the ground then: put a takeoff before it"
+                return
+            if self._is_built_in(item, *LANDINGS):
+                is_on_ground = True
+            elif self._is_built_in(item, TAKEOFF) or (isinstance(item, ActionItem) and item.name in self._given):
+                is_on_ground = False  # an action of the program can take off
+
+    def _lifts_again(self, start: int) -> bool:
+        """Whether `onResume` takes off before the mission goes on with an item."""
+        has_takeoff = self._plan.last_action(TAKEOFF, start) is not None and ON_RESUME in self._table
+        is_over = self._is_built_in(self._plan.items[start], *LANDINGS)
+        return start > 0 and (ON_RESUME in self._given or (has_takeoff and not is_over))
+
+    def _is_built_in(self, item: Item, *names: str) -> bool:
+        """Whether an item is one of some actions, and none of the program's."""
+        return isinstance(item, ActionItem) and item.name in names and item.name not in self._given
 
     def _places(self) -> Iterator[tuple[int, float, float, float]]:
         """Yield the places of items that are known before the flight."""
         for index, item in enumerate(self._plan.items):
             if isinstance(item, Waypoint):
                 yield index, item.place.latitude, item.place.longitude, item.place.altitude
-            elif self._table[item.name] is BUILT_IN[TAKEOFF] and "altitude" in item.arguments:
+            elif self._is_built_in(item, TAKEOFF) and "altitude" in item.arguments:
                 yield index, math.nan, math.nan, item.arguments["altitude"]
 
     def _told_unready(self) -> tuple[str, ...]:
@@ -330,6 +372,8 @@ class Mission(Executor):
 
 
 def _action(name: str, given: Action | Function) -> Action:
+    if name.startswith(RESERVED):
+        raise ValueError(f"action {name!r}: names with {RESERVED!r} are reserved")
     if isinstance(given, Action):
         return given
     if not iscoroutinefunction(given):

@@ -22,6 +22,8 @@ RESUMING: Final = "internal:resuming"
 """The argument of an action that runs again because the mission was interrupted in it."""
 
 
+CHANGE, RESET = "changeSettings", "resetAll"
+"""The action that changes settings, and its argument that undoes the changes."""
 ON_RESUME, ON_FAILURE = HOOKS = ("onResume", "onFailure")
 """The actions that are no items: the mission itself calls them."""
 
@@ -34,7 +36,7 @@ class Settings(NamedTuple):
     vertical_velocity: float | None = None
     """In m/s."""
     max_heading_rate: float | None = None
-    """In degrees/s."""
+    """In degrees/s. 0: the vehicle does not turn."""
 
     def merged(self, arguments: Mapping[str, Any]) -> Settings:
         """Return these settings, with those of `changeSettings`."""
@@ -47,11 +49,12 @@ class Settings(NamedTuple):
         return {key: value for key, value in values.items() if value is not None}
 
 
+HEADING_RATE: Final = "maxHeadingRate"
 SETTINGS: Mapping[str, str] = MappingProxyType(
     {
         "horizontalVelocity": "horizontal_velocity",
         "verticalVelocity": "vertical_velocity",
-        "maxHeadingRate": "max_heading_rate",
+        HEADING_RATE: "max_heading_rate",
     }
 )
 """The fields of Settings by their names in files."""

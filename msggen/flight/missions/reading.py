@@ -14,18 +14,20 @@ from msggen.flight.missions.expected import (
     ARGUMENTS,
     ARRAY,
     LATITUDE,
+    LIMITS,
     LONGITUDE,
     NUMBER,
     OBJECT,
-    POSITIVE,
     TEXT,
     Expected,
 )
 from msggen.flight.missions.located import BrokenError, Value, read
 from msggen.flight.missions.plan import (
+    CHANGE,
     HOOKS,
     NAVIGATION,
     RESERVED,
+    RESET,
     SETTINGS,
     VERSION,
     ActionItem,
@@ -38,7 +40,6 @@ from msggen.flight.places import GlobalPlace
 
 _BROKEN, _WRONG, _UNKNOWN_ACTION, _UNSUPPORTED, _UNKNOWN_KEY, _SAME_ID = "F101", "F102", "F103", "F104", "F105", "F106"
 _WAYPOINT: Mapping[str, Expected] = {"x": LATITUDE, "y": LONGITUDE, "z": NUMBER}
-_DEFAULTS: Mapping[str, Expected] = dict.fromkeys(SETTINGS, POSITIVE)
 _ONLY: Mapping[str, str] = {"navigationType": "waypoint", "frame": "global"}
 """The keys of waypoints that have one value."""
 _NONE: Mapping[str, object] = MappingProxyType({})
@@ -96,7 +97,7 @@ class _Reading:
     def _plan(self, mission: Value) -> Plan:
         inside = self._object(mission, "the mission", ("items",), ("defaults",))
         defaults, items = inside.get("defaults"), inside.get("items")
-        settings = {} if defaults is None else self._values(defaults, "'defaults'", {}, _DEFAULTS)
+        settings = {} if defaults is None else self._values(defaults, "'defaults'", {}, LIMITS)
         content: list[Value] = []
         if items is not None and self._is(items, ARRAY) and isinstance(items.content, list):
             content = items.content
@@ -111,9 +112,6 @@ class _Reading:
             return None
         members = _members(value)
         kind, name = members.get("type"), members.get("id")
-        for key in members:
-            if key.startswith(RESERVED):
-                self._tell(members[key].name, _WRONG, f"'{key}': names with '{RESERVED}' are reserved")
         is_named = name is None or self._is(name, TEXT, "id")
         if kind is None:
             self._tell(value.start, _WRONG, "the item has no 'type'")
@@ -141,14 +139,39 @@ class _Reading:
         name = str(kind.content)
         if name in HOOKS:
             self._tell(kind.start, _UNKNOWN_ACTION, f"'{name}' is no item: the mission itself calls it")
+        elif name.startswith(RESERVED):
+            self._tell_reserved(kind.start, name)
         elif name not in self._known:
             near = suggestion(name, [*self._known, NAVIGATION]) or f": there are {', '.join(sorted(self._known))}."
             text = f"unknown action '{name}'{near} Name those of your program in `actions`, or with --action"
             self._tell(kind.start, _UNKNOWN_ACTION, text)
         if name in ARGUMENTS and name not in self._own:
-            self._values(value, f"'{name}'", {}, {**ARGUMENTS[name], "type": TEXT, "id": TEXT})
+            given = self._values(value, f"'{name}'", {}, {**ARGUMENTS[name], "type": TEXT, "id": TEXT})
+            if name == CHANGE:
+                self._check_change(value, given)
+        else:
+            self._check_reserved(_members(value))
         arguments = {key: each.plain for key, each in _members(value).items() if key not in {"type", "id"}}
         return ActionItem(name, arguments, item_id)
+
+    def _check_change(self, value: Value, given: Mapping[str, Any]) -> None:
+        """Warn of a `changeSettings` of which nothing, or not all, has an effect."""
+        changed = [key for key in given if key in SETTINGS]
+        if given.get(RESET):
+            for key in changed:
+                self._tell(_members(value)[key].name, _UNKNOWN_KEY, f"'{key}' has no effect beside '{RESET}': true")
+        elif not changed:
+            self._tell(
+                value.start, _UNKNOWN_KEY, f"'{CHANGE}' changes nothing: give it {', '.join(SETTINGS)} or {RESET}"
+            )
+
+    def _check_reserved(self, members: Mapping[str, Value]) -> None:
+        for key in members:
+            if key.startswith(RESERVED):
+                self._tell_reserved(members[key].name, key)
+
+    def _tell_reserved(self, position: int, name: str) -> None:
+        self._tell(position, _WRONG, f"'{name}': names with '{RESERVED}' are reserved")
 
     def _check_ids(self, items: Iterable[Value]) -> None:
         """Warn of ids that several items have. PX4's library does not look at them, but people do."""
@@ -181,6 +204,7 @@ class _Reading:
             if key not in members:
                 self._tell(value.start, _WRONG, f"{what} has no '{key}'")
         known = (*required, *optional)
+        self._check_reserved(members)
         for key, each in members.items():
             if key not in known and not key.startswith(RESERVED):
                 near = suggestion(key, known) or f": it has {', '.join(known)}"
