@@ -247,6 +247,8 @@ class Wings(Flight):
         """Return the airspeed with which the aircraft is not too slow over ground along its course."""
         if isnan(target.course) or not isnan(target.direction):
             return 0.0
+        if self.wind == (0.0, 0.0):
+            return self.least_over_ground
         (north, east), sine, cosine = self.wind, math.sin(target.course), math.cos(target.course)
         missing = self.least_over_ground - north * cosine - east * sine
         return math.hypot(missing, east * cosine - north * sine) if missing > 0.0 else 0.0
