@@ -115,8 +115,9 @@ def find_unfused(case: Case) -> Iterator[Change]:
                 continue
             meant = [part for part in _meant(name, each.values) if part.flag in flags]
             reasons = {part: why for part in meant if (why := reason(part, each.values, flags, place))}
-            off = ", ".join(part.flag for part in reasons if not flags[part.flag])
-            state = f"is not fused ({off} of estimator_status_flags are false)" if off else "is rejected"
+            off = [part.flag for part in reasons if not flags[part.flag]]
+            are = "are" if len(off) > 1 else "is"
+            state = f"is not fused ({', '.join(off)} of estimator_status_flags {are} false)" if off else "is rejected"
             if reasons:
                 why = "; ".join(dict.fromkeys(reasons.values()))
                 yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {state}: {why}")

@@ -56,5 +56,5 @@ def _states(world: World) -> Sequence[object]:
         (world.has_home, world.home_changes, world.origin),
         (mode, landed),
         world.has_sticks,
-        (state, world.senses.wings_failed),
+        (state, world.wings_failed),
     )

@@ -24,6 +24,7 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "FW_AIRSPD_MAX": 20.0,
         "FW_AIRSPD_MIN": 10.0,
         "FW_AIRSPD_TRIM": 15.0,
+        "FW_GND_SPD_MIN": 5.0,
         "FW_PN_R_SLEW_MAX": 90.0,
         "FW_R_LIM": 50.0,
         "FW_T_ALT_TC": 5.0,
@@ -89,7 +90,15 @@ _OF_RELEASES = {*V1_17.estimator, *V1_18.estimator}
 SETTABLE = (
     *(name for name in PARAMETERS if name.startswith("COM_") and name not in {"COM_OF_LOSS_T", "COM_SPOOLUP_TIME"}),
     *sorted({*(name for name in PARAMETERS if name.startswith("EKF2_")), *_OF_RELEASES}),
-    *("FW_AIRSPD_MAX", "FW_AIRSPD_MIN", "FW_AIRSPD_TRIM", "MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "NAV_LOITER_RAD"),
+    *(
+        "FW_AIRSPD_MAX",
+        "FW_AIRSPD_MIN",
+        "FW_AIRSPD_TRIM",
+        "FW_GND_SPD_MIN",
+        "MIS_TAKEOFF_ALT",
+        "NAV_ACC_RAD",
+        "NAV_LOITER_RAD",
+    ),
     *("RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT", "SIH_WIND_E", "SIH_WIND_N", "VT_TRANS_TIMEOUT"),
 )
 """Those that a vehicle can have other values of. The others are built into its motion."""

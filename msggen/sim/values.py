@@ -33,7 +33,6 @@ from msggen.sim.external import EPV, EVH, EVV, HEADING_VARIANCE
 from msggen.sim.flight import NAN, Target, wrapped
 from msggen.sim.noise import Noise
 from msggen.sim.parts import POWER_MODULE
-from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wings import Wings
 from msggen.sim.world import World
 
@@ -105,6 +104,8 @@ class Filler:
         self.is_sampled = "timestamp_sample" in names
         """Whether messages have a second time, of the sensors."""
         self._names = names
+        self._has_others = False
+        """Whether there have been values of fields that only other releases have."""
         self._values = VALUES.get(message.__name__)
 
     def make(self, scene: Scene, time: int) -> Any:
@@ -114,9 +115,15 @@ class Filler:
 
     def filled(self, values: Values, time: int) -> Any:
         """Return a message with those of some values that it has, of a time in us."""
-        if not values.keys() <= self._names:
+        if self._has_others:
             values = {name: value for name, value in values.items() if name in self._names}
-        made = self.message(**values)
+        try:
+            made = self.message(**values)
+        except TypeError:
+            if self._has_others:
+                raise
+            self._has_others = True
+            return self.filled(values, time)
         made.timestamp = time
         if self.is_sampled:
             made.timestamp_sample = time
@@ -523,9 +530,8 @@ def _throttle(flight: Wings) -> float:
 
 
 def _vtol_vehicle_status(scene: Scene) -> Values:
-    pilot = scene.world.autopilot
-    failed = isinstance(pilot, VtolPilot) and pilot.has_failed
-    return {"vehicle_vtol_state": scene.world.vtol_state or 0, "fixed_wing_system_failure": failed}
+    world = scene.world
+    return {"vehicle_vtol_state": world.vtol_state or 0, "fixed_wing_system_failure": world.wings_failed}
 
 
 def _gimbal_device_attitude_status(scene: Scene) -> Values:

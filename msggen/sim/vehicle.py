@@ -72,6 +72,8 @@ class SimulatedVehicle:
         self._now = 0
         self._noise = noise_with(options.disturbances, options.seed, options.key)
         self._clocks = Clocks()
+        self._exchange: object = None
+        """The exchange of times that they are from."""
         wrong = options.misbehaviour
         self._clock_off = round(wrong.clock_off * 1e6)
         self._to_agent = Line(wrong, f"out {options.seed} {options.key}")
@@ -233,9 +235,11 @@ class SimulatedVehicle:
                 self._schedule = Schedule(self._endpoints.publications, self._now)
             else:
                 self._tell(f"disconnected: {event.reason}")
-        self._clocks = _clocks_of(self._client, self._clock_off)
-        self.refused.update(self._client.refused)
-        self._client.refused.clear()
+        if self._client.exchange is not self._exchange:
+            self._exchange, self._clocks = self._client.exchange, _clocks_of(self._client, self._clock_off)
+        if self._client.refused:
+            self.refused.update(self._client.refused)
+            self._client.refused.clear()
 
     def _take_sample(self, event: Received) -> None:
         topic, name, message_class = self._endpoints.inputs[event.number]

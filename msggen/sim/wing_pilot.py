@@ -24,6 +24,8 @@ _AHEAD = 2.0
 """How far ahead in s the guidance looks that leads to a circle."""
 _SLOPE = 1.5
 """The sink rate of a landing in m/s."""
+_MAX_PITCH, _TAKEOFF_PITCH = math.radians(30.0), math.radians(10.0)
+"""The limits of pitch, FW_P_LIM_MIN and FW_P_LIM_MAX, and the least of a takeoff, FW_TKO_PITCH_MIN."""
 _BLIND_ROLL = math.radians(15.0)
 _RATE_TIME = 0.4
 """The time in s for which a rate is flown ahead: that in which angles follow."""
@@ -89,7 +91,14 @@ class WingPilot:
 
     def _take_longitudinal_limits(self, message: Any, time: int) -> None:
         climb, sink = message.climb_rate_target, message.sink_rate_target
-        self._write(time, climb=_within(climb, CLIMB, MAX_CLIMB), sink=_within(sink, SINK, MAX_SINK))
+        limits = {
+            "climb": _within(climb, CLIMB, MAX_CLIMB),
+            "sink": _within(sink, SINK, MAX_SINK),
+            "pitch_min": max(-_MAX_PITCH, _or(message.pitch_min, -math.inf)),
+            "pitch_max": min(_MAX_PITCH, _or(message.pitch_max, math.inf)),
+            "throttle_max": _within(message.throttle_max, 1.0, 1.0),
+        }
+        self._write(time, **limits)
 
     def _write(self, time: int, **values: float) -> None:
         found = {name: value if math.isfinite(value) else NAN for name, value in values.items()}
@@ -193,9 +202,9 @@ class WingPilot:
     def _own(self, mode: int, time: int) -> Wing:
         """Return the setpoint of a mode of PX4."""
         if mode == TAKEOFF:
-            return Wing(course=self._heading, height_rate=MAX_CLIMB, takes_off=True)
+            return Wing(course=self._heading, height_rate=MAX_CLIMB, pitch_min=_TAKEOFF_PITCH, takes_off=True)
         if mode == LAND:
-            return Wing(course=self._heading, height_rate=-_SLOPE, throttle=0.0)
+            return Wing(course=self._heading, height_rate=-_SLOPE, throttle=0.0, throttle_max=0.0)
         if mode in {HOLD, RETURN}:
             return self._around(self._circle)
         found = self._setpoints.offboard(time) if mode == OFFBOARD else None

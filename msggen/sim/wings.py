@@ -37,6 +37,8 @@ _ROTATION = 4.2
 """How much faster than FW_AIRSPD_MIN the aircraft is in m/s when it leaves the runway, as captured."""
 _PITCH_TIME = 0.5
 """The time in s in which the pitch angle follows a setpoint of attitude."""
+_TRIM_THROTTLE = 0.6
+"""The throttle of level flight: FW_THR_TRIM."""
 _LOWEST = 1e-3
 _BY_WINGS = 0.3
 """The share of the thrust in hover that forward flight takes."""
@@ -70,6 +72,10 @@ class Wing(NamedTuple):
     climb: float = CLIMB
     sink: float = SINK
     """The limits of the height rate towards an altitude."""
+    pitch_min: float = -math.inf
+    pitch_max: float = math.inf
+    throttle_max: float = 1.0
+    """Limits of what the height and its rate ask for. A pitch or throttle that is set has none."""
     takes_off: bool = False
     """Whether the aircraft accelerates on the ground. Otherwise, it brakes there."""
 
@@ -82,6 +88,7 @@ class Wings(Flight):
         self.is_tailsitter = is_tailsitter
         """Whether the attitude in forward flight is a quarter turn from that of a hovering vehicle."""
         self.least, self.trim, self.most = (parameters[f"FW_AIRSPD_{name}"] for name in ("MIN", "TRIM", "MAX"))
+        self.least_over_ground = parameters["FW_GND_SPD_MIN"]
         self.wind = -parameters["SIH_WIND_N"], -parameters["SIH_WIND_E"]
         """Where the air moves to, north and east."""
         self.push = 0.0
@@ -231,9 +238,20 @@ class Wings(Flight):
             wanted = self.least + (self.most - self.least) * target.throttle
         else:
             wanted = self.trim if isnan(target.airspeed) or target.airspeed <= 0 else target.airspeed
+            wanted = max(wanted, self._least_on(target))
         change = _AIRSPEED_SLEW * seconds
         self._setpoint += max(-change, min(change, max(least, min(self.most, wanted)) - self._setpoint))
         self._speed += (self._setpoint - self._speed) * min(1.0, seconds / _AIRSPEED_TIME)
+
+    def _least_on(self, target: Wing) -> float:
+        """Return the airspeed with which the aircraft is not too slow over ground along its course."""
+        if isnan(target.course) or not isnan(target.direction):
+            return 0.0
+        if self.wind == (0.0, 0.0):
+            return self.least_over_ground
+        (north, east), sine, cosine = self.wind, math.sin(target.course), math.cos(target.course)
+        missing = self.least_over_ground - north * cosine - east * sine
+        return math.hypot(missing, east * cosine - north * sine) if missing > 0.0 else 0.0
 
     def _turn_by_roll(self, seconds: float, target: Wing) -> float:
         """Roll and turn. Return the rate of the heading."""
@@ -280,9 +298,21 @@ class Wings(Flight):
             wanted, lag = max(-min(MAX_SINK, target.sink), min(MAX_CLIMB, target.climb, rate)), _CLIMB_LAG
         else:
             wanted, lag = 0.0, _CLIMB_LAG
+        if isnan(target.pitch):
+            wanted = self._limited(wanted, target)
         if target.throttle == 0.0:
             wanted = min(wanted, -SINK)
         return down + (-wanted - down) * min(1.0, seconds / lag)
+
+    def _limited(self, climb: float, target: Wing) -> float:
+        """Return a height rate within the limits of pitch and throttle. At trim throttle, the flight is level."""
+        least = (
+            -math.inf if target.pitch_min < -_QUARTER else self._speed * math.sin(target.pitch_min - _ANGLE_OF_ATTACK)
+        )
+        most = math.inf if target.pitch_max > _QUARTER else self._speed * math.sin(target.pitch_max - _ANGLE_OF_ATTACK)
+        spare = target.throttle_max - _TRIM_THROTTLE
+        power = MAX_CLIMB * spare / (1.0 - _TRIM_THROTTLE) if spare > 0.0 else SINK * spare / _TRIM_THROTTLE
+        return min(power, most, max(least, climb))
 
     def _pose(self, seconds: float, down: float, rate: float) -> None:
         """Take the pitch angle of the climb, and the angular velocity of all."""

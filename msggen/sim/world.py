@@ -184,7 +184,7 @@ class World:
             manual_control=self.has_sticks,
             ground_station=self.has_ground_station,
             battery=self.battery.warning,
-            wings_failed=isinstance(self.autopilot, VtolPilot) and self.autopilot.has_failed,
+            wings_failed=self.wings_failed,
             has_fallen=isinstance(self.autopilot, VtolPilot) and self.autopilot.is_overturned,
             is_landed=self.landing.landed,
             is_done=self.autopilot.is_done(is_landed=self.landing.landed),
@@ -199,6 +199,11 @@ class World:
     def vtol_state(self) -> VtolState | None:
         """Whether a VTOL hovers or flies by its wings, None for another vehicle."""
         return self.autopilot.state if isinstance(self.autopilot, VtolPilot) else None
+
+    @property
+    def wings_failed(self) -> bool:
+        """Whether the last transition to forward flight failed."""
+        return isinstance(self.autopilot, VtolPilot) and self.autopilot.has_failed
 
     @property
     def uses_range(self) -> bool:

@@ -34,7 +34,7 @@ from msggen.doctor.observation import (
 )
 from msggen.doctor.rules import DOCTOR, LIVE
 from msggen.link.link import Remote, Route, Statistics
-from msggen.messages.names import stem_of
+from msggen.messages.names import stem_of, uorb_name
 from msggen.show.report import FORMATS, render
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
@@ -779,3 +779,43 @@ def test_any_observation_has_a_report(observation: Observation, wanted: tuple[st
     places = [order.index(finding.rule.id) for finding in report.findings]
     assert places == sorted(places)
     assert len({astuple(finding.change) for finding in report.findings}) == len(report.findings)
+
+
+_SENT = {"velocity": (0.0, 5.0, 0.0), "velocity_frame": 1, "velocity_variance": (0.01,) * 3, "q": (math.nan,) * 4}
+_HERE = {
+    **dict.fromkeys(("x", "y", "vx", "vy", "vz", "ax", "ay", "az", "heading"), 0.0),
+    "eph": 0.1,
+    "evh": 0.1,
+    "evv": 0.1,
+}
+
+
+@pytest.mark.parametrize(
+    ("flags", "sent", "told"),
+    [
+        ({"cs_gnss_pos": True}, _SENT, "is not fused (cs_ev_vel of estimator_status_flags is false): vy is 5 m/s"),
+        ({"cs_ev_vel": True}, _SENT, "is rejected: vy is 5 m/s from the estimate, and EKF2 takes 0.42 m/s: raise its"),
+        ({"cs_ev_vel": True}, {**_SENT, "velocity": (0.0, 0.4, 0.0)}, ""),
+        ({}, _SENT, "is false): the bit 4 of EKF2_EV_CTRL (velocity) is probably not set"),
+    ],
+)
+def test_measurements_that_are_far_from_the_estimate_are_found(
+    flags: dict[str, bool], sent: dict[str, object], told: str
+) -> None:
+    case = case_of(next(rule for rule in DOCTOR if rule.id == "MEASUREMENT_UNFUSED"))
+    (own,) = case.seen.vehicles
+    (seen,) = (each for name, each in own.inputs.items() if name.endswith("visual_odometry"))
+    values = {"position": (math.nan,) * 3, "timestamp_sample": seen.last[-1].values["timestamp_sample"], **sent}
+    changed: dict[str, dict[str, Any]] = {"estimator_status_flags": {**flags}, "vehicle_local_position": _HERE}
+    states = {
+        name: (samples[-1]._replace(values={**samples[-1].values, **changed.get(uorb_name(name), {})}),)
+        for name, samples in own.states.items()
+    }
+    inputs = {
+        name: each._replace(last=(each.last[-1]._replace(values=values),)) if each is seen else each
+        for name, each in own.inputs.items()
+    }
+    vehicles = (own._replace(states=states, inputs=inputs),)
+    found = texts(case._replace(seen=case.seen._replace(vehicles=vehicles)))
+    assert told in found
+    assert bool(told) == bool(found)

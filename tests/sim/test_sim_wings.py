@@ -207,6 +207,48 @@ def test_limits_of_a_program_end_with_its_mode() -> None:
     assert -program.world.flight.velocity[2] == pytest.approx(3.0, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("limits", "wanted", "rate"),
+    [
+        ({"pitch_max": math.radians(6.0)}, 4.0, 15.0 * math.sin(math.radians(3.0))),
+        ({"pitch_min": math.radians(-3.0)}, -4.0, -15.0 * math.sin(math.radians(6.0))),
+        ({"throttle_max": 0.7}, 4.0, 1.25),
+        ({"throttle_max": 0.0}, 4.0, -2.0),
+    ],
+)
+def test_pitch_and_throttle_limit_the_height_rate(limits: dict[str, float], wanted: float, rate: float) -> None:
+    program = flying()
+    program.enter(WINGS)
+    program.publish(LongitudinalLimits(**limits))(program.world.time)
+    steer(program, 8.0, Lateral(course=0.0), Longitudinal(height_rate=wanted))
+    assert -program.world.flight.velocity[2] == pytest.approx(rate, abs=0.1)
+
+
+def test_the_limits_of_a_takeoff_are_kept_until_others_are_sent() -> None:
+    """fw_lateral_longitudinal_control of v1.17 uses the last configuration, here that of the takeoff: 10 degrees."""
+    program = Program(world_of("plane", {"MIS_TAKEOFF_ALT": 100.0}))
+    program.command(ARM_DISARM, ARM)
+    program.command(TAKEOFF)
+    program.until(lambda: program.world.flight.position[2] < program.world.flight.ground - 30.0, 40.0)
+    program.enter(WINGS)
+    steer(program, 4.0, Lateral(course=0.0), Longitudinal(height_rate=-1.0))
+    assert -program.world.flight.velocity[2] > 1.5
+    program.publish(LongitudinalLimits())(program.world.time)
+    steer(program, 4.0, Lateral(course=0.0), Longitudinal(height_rate=-1.0))
+    assert -program.world.flight.velocity[2] == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("course", "airspeed"), [(0.0, 17.0), (math.pi / 2, 15.0), (math.pi, 15.0)])
+def test_a_course_against_the_wind_raises_the_airspeed(course: float, airspeed: float) -> None:
+    """FW_GND_SPD_MIN of v1.17, for courses only: fw_lateral_longitudinal_control, getMinAirspeedForCurrentBearing."""
+    program = flying(wind=12.0)
+    program.enter(WINGS)
+    steer(program, 25.0, Lateral(course=course), Longitudinal(height_rate=0.0))
+    assert wings_of(program).airspeed == pytest.approx(airspeed, abs=0.2)
+    steer(program, 25.0, Lateral(airspeed_direction=course), Longitudinal(height_rate=0.0))
+    assert wings_of(program).airspeed == pytest.approx(15.0, abs=0.2)
+
+
 def test_the_last_setpoint_is_flown_for_ever() -> None:
     program = flying()
     program.enter(WINGS)

@@ -130,6 +130,9 @@ class LongitudinalLimits(NamedTuple):
 
     climb_rate_target: float = NAN
     sink_rate_target: float = NAN
+    pitch_min: float = NAN
+    pitch_max: float = NAN
+    throttle_max: float = NAN
 
 
 class RoverPosition(NamedTuple):
