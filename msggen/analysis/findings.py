@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from msggen.analysis.finding import LEVELS, Finding, Findings, FlightRule, Seen,
 from msggen.analysis.flight import Flight
 from msggen.analysis.recorded import Recorded
 from msggen.analysis.rules.table import FLIGHT
+
+_SHOWN = 2
+"""The topics or fields that are named, of several ones of which a rule needs one."""
 
 
 def findings_of(flight: Flight, rules: Sequence[FlightRule] = FLIGHT) -> Findings:
@@ -43,8 +46,8 @@ def _has(recorded: Recorded, path: str) -> bool:
     return any(column is not None and len(column.finite) for column in columns)
 
 
-def _either(paths: Iterable[str]) -> str:
-    return " or ".join(paths)
+def _either(paths: Sequence[str]) -> str:
+    return " or ".join(paths) if len(paths) <= _SHOWN else f"{paths[0]} or one of {len(paths) - 1} others"
 
 
 def _finding(rule: FlightRule, seen: Seen) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +14,14 @@ from msggen.analysis.recorded import Column, Recorded, spans
 from msggen.analysis.timeline import Timeline, timeline_of
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from msggen.recordings.log.log import Log
+
+Spans = tuple[tuple[float, float], ...]
+"""Stretches of time from a begin to an end, in s after the start."""
+_TOUCHING = "ground_contact", "maybe_landed", "landed"
+"""The fields of vehicle_land_detected that are set when a vehicle touches the ground."""
 
 
 class Stretch(NamedTuple):
@@ -59,26 +66,87 @@ class Flight:
         """The time in which the vehicle was armed, in s."""
         return sum(end - begin for begin, end in self.recorded.armed)
 
-    def above(self, column: Column | None, limit: float, *, armed: bool = True) -> Stretch | None:
-        """Return when a value is above a limit, each time until the next sample; None if it never is."""
+    @property
+    def whole(self) -> Spans:
+        """All of the recording."""
+        return ((0.0, self.duration),)
+
+    @cached_property
+    def in_air(self) -> Spans:
+        """The times in which the vehicle was armed and did not touch the ground; while armed if that is not told."""
+        fields = (self.recorded.column("vehicle_land_detected", each) for each in _TOUCHING)
+        found = [column for column in fields if column is not None]
+        if not found:
+            return self.recorded.armed
+        touching = np.any([column.values > 0 for column in found], axis=0)
+        return common(self.recorded.armed, self.when(found[0], ~touching))
+
+    def parameter(self, name: str, default: float) -> float:
+        """Return the value of a parameter at the start, `default` if the recording does not have a number of it."""
+        value = float(self.log.parameters.get(name, default))
+        return value if np.isfinite(value) else default
+
+    def first(self, paths: Iterable[str], instance: int = 0) -> Column | None:
+        """Return the first of some fields such as `sensor_gps.eph` that the recording has, None if there is none."""
+        names = (path.partition(".") for path in paths)
+        found = (self.recorded.column(topic, field, instance) for topic, _, field in names)
+        return next((column for column in found if column is not None), None)
+
+    def length(self, topic: str, field: str) -> Column | None:
+        """Return the length of a vector such as `vehicle_magnetometer.magnetometer_ga`, None without one."""
+        axes = [self.recorded.column(topic, f"{field}[{axis}]") for axis in range(3)]
+        x, y, z = axes
+        if x is None or y is None or z is None:
+            return None
+        return x._replace(values=np.sqrt(x.values**2 + y.values**2 + z.values**2))
+
+    def when(self, column: Column, mask: NDArray[np.bool_]) -> Spans:
+        """Return the times in which some samples of a column are the latest ones."""
+        return spans(column, mask, self.duration)
+
+    def above(self, column: Column | None, limit: float, within: Spans | None = None) -> Stretch | None:
+        """Return when a value is above a limit, each time until the next sample; None if it never is.
+
+        `within` are the times that count: by default those while armed.
+        """
         if column is None or not len(column.times):
             return None
-        mask = column.values > limit
-        if armed:
-            mask &= column.is_within(self.recorded.armed)
+        mask = (column.values > limit) & column.is_within(self.recorded.armed if within is None else within)
         found = spans(column, mask, float(column.times[-1]))
         return Stretch(sum(end - begin for begin, end in found), found[0][0], found[-1][1]) if found else None
 
-    def below(self, column: Column | None, limit: float, *, armed: bool = True) -> Stretch | None:
+    def below(self, column: Column | None, limit: float, within: Spans | None = None) -> Stretch | None:
         """Return when a value is below a limit, as `above` does."""
-        return None if column is None else self.above(column._replace(values=-column.values), -limit, armed=armed)
+        return None if column is None else self.above(column._replace(values=-column.values), -limit, within)
 
-    def changes(self, column: Column | None) -> list[float]:
+    def changes(self, column: Column | None) -> NDArray[np.float64]:
         """Return the times at which a counter changed while armed, in s."""
         if column is None:
-            return []
+            return np.zeros(0)
         mask = (np.diff(column.values) != 0) & column.is_within(self.recorded.armed)[1:]
-        return [float(time) for time in column.times[1:][mask]]
+        times: NDArray[np.float64] = column.times[1:][mask]
+        return times
+
+    def gaps(self, column: Column, limit: float, within: Spans) -> Spans:
+        """Return the times within some spans in which a topic has no sample for longer than a limit in s."""
+        times = np.concatenate(([0.0], column.times, [self.duration]))
+        long = np.flatnonzero(np.diff(times) > limit)
+        candidates = tuple(zip(times[long].tolist(), times[long + 1].tolist(), strict=True))
+        return tuple(each for each in common(candidates, within) if each[1] - each[0] > limit)
+
+
+def common(one: Spans, other: Spans) -> Spans:
+    """Return the times that are in both of two lists of spans, each in the order of time."""
+    found, left, right = list[tuple[float, float]](), 0, 0
+    while left < len(one) and right < len(other):
+        begin, end = max(one[left][0], other[right][0]), min(one[left][1], other[right][1])
+        if begin < end:
+            found.append((begin, end))
+        if one[left][1] < other[right][1]:
+            left += 1
+        else:
+            right += 1
+    return tuple(found)
 
 
 def flight_of(log: Log, is_needed: Callable[[str], bool]) -> Flight:

@@ -52,6 +52,11 @@ class Column(NamedTuple):
         index = np.searchsorted(self.times, times, side="right") - 1
         return np.where(index >= 0, self.values[np.maximum(index, 0)], np.nan)
 
+    def value_at(self, time: float) -> float:
+        """Return the latest value at a time, the first one before it, NaN without values."""
+        index = max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)
+        return float(self.values[index]) if len(self.values) else np.nan
+
     def where(self, flag: Column | None) -> Column:
         """Return the column with NaN where a flag is not set, if there is such a flag."""
         if flag is None:
@@ -59,11 +64,13 @@ class Column(NamedTuple):
         return self._replace(values=np.where(flag.at(self.times) > 0, self.values, np.nan))
 
     def is_within(self, spans: Collection[tuple[float, float]]) -> NDArray[np.bool_]:
-        """Return which samples are in some spans of time."""
-        mask = np.zeros(len(self.times), np.bool_)
-        for begin, end in spans:
-            mask |= (self.times >= begin) & (self.times <= end)
-        return mask
+        """Return which samples are in some spans of time, which do not overlap."""
+        if not spans:
+            return np.zeros(len(self.times), np.bool_)
+        begins, ends = np.array(sorted(spans), np.float64).T
+        index = np.searchsorted(begins, self.times, side="right") - 1
+        within: NDArray[np.bool_] = (index >= 0) & (self.times <= ends[np.maximum(index, 0)])
+        return within
 
     def within(self, spans: Collection[tuple[float, float]]) -> Column:
         """Return the samples in some spans of time."""

@@ -14,18 +14,66 @@ if TYPE_CHECKING:
 
 MOST_FAILSAFES = 5
 """The failsafes that are findings of their own."""
+_FLAGS, _WARNING = "failsafe_flags", "battery_warning"
+_BEFORE, _AFTER, _NEAR = 10.0, 0.5, 1.0
+"""The time in s before and after the begin of a failsafe in which its cause rises, and in which PX4 tells it."""
+_LEVELS = "emergency", "alert", "critical", "error", "warning"
+_STOPS = {
+    "kill": "the kill switch stopped the motors",
+    "manual_lockdown": "the kill switch stopped the motors",
+    "force_failsafe": "the flight was terminated",
+    "termination": "the flight was terminated",
+}
+"""What stops motors, by the fields of actuator_armed in v1.18 and before."""
 
 
 def _failsafes(flight: Flight) -> Iterator[Seen]:
     found = flight.timeline.failsafes
     for begin, end in found[:MOST_FAILSAFES]:
-        mode = flight.timeline.mode_at(begin)
+        mode, causes, told = flight.timeline.mode_at(begin), _causes(flight, begin), _told(flight, begin)
         text = f"failsafe for {end - begin:.1f} s" + (f", in mode {mode}" if mode else "")
-        yield Seen(text, begin, end, {"duration_s": end - begin})
+        text += (f", because of {few(causes)}" if causes else "") + (f', with the text "{told}"' if told else "")
+        values: dict[str, float | str] = {
+            "duration_s": end - begin,
+            "mode": mode,
+            "causes": ", ".join(causes),
+            "message": told,
+        }
+        yield Seen(text, begin, end, values)
     if rest := found[MOST_FAILSAFES:]:
         seconds = sum(end - begin for begin, end in rest)
         text = f"{counted(len(rest), 'more failsafe')}, {seconds:.1f} s in all"
         yield Seen(text, rest[0][0], rest[-1][1], {"failsafes": len(rest), "duration_s": seconds})
+
+
+def _causes(flight: Flight, begin: float) -> list[str]:
+    """Return the flags of `failsafe_flags` that rose when a failsafe began, or before it."""
+    names = [*flight.recorded.flags(_FLAGS), _WARNING]
+    columns = {name: column for name in names if (column := flight.recorded.column(_FLAGS, name))}
+    return [
+        name for name, column in columns.items() if column.value_at(begin + _AFTER) > column.value_at(begin - _BEFORE)
+    ]
+
+
+def _told(flight: Flight, begin: float) -> str:
+    """Return the text or event nearest to the begin of a failsafe, "" if there is none."""
+    marks = (each for each in flight.timeline.marks if each.level in _LEVELS and abs(each.time - begin) <= _NEAR)
+    found = min(marks, key=lambda each: abs(each.time - begin), default=None)
+    return found.text.strip() if found else ""
+
+
+def _killed(flight: Flight) -> Iterator[Seen]:
+    for name, word in _STOPS.items():
+        stretch = flight.above(flight.recorded.column("actuator_armed", name), 0.0)
+        if stretch:
+            is_flying = any(begin <= stretch.begin <= end for begin, end in flight.in_air)
+            text = f"{word} {'in the air' if is_flying else 'on the ground'}"
+            yield Seen(text, stretch.begin, stretch.end, {"cause": name}, "" if is_flying else "info")
+    landed = flight.recorded.column("vehicle_land_detected", "landed")
+    for _, end in flight.recorded.armed:
+        if landed and end < flight.duration and landed.value_at(end) == 0:
+            yield Seen("the vehicle was disarmed in the air", end)
+            return
 
 
 def _failures(flight: Flight) -> Iterator[Seen]:
@@ -48,9 +96,22 @@ RULES = (
         _failsafes,
         severity=Severity.WARNING,
         needs=(("vehicle_status.failsafe",),),
+        uses=(_FLAGS,),
         fix="Look at the texts and events before it, which name the cause, and at the flags of `failsafe_flags`.",
-        source="`failsafe` of vehicle_status",
-        example="failsafe for 3.0 s, in mode Hold",
+        source="`failsafe` of vehicle_status; its cause is what rose in `failsafe_flags` from 10 s before on",
+        example="failsafe for 3.0 s, in mode Hold, because of manual_control_signal_lost",
+    ),
+    FlightRule(
+        "FLIGHT_STOPPED",
+        "the motors were stopped by the kill switch, by termination, or by disarming in the air",
+        Category.FLIGHT,
+        _killed,
+        needs=(("actuator_armed.armed", "vehicle_status.arming_state"),),
+        uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
+        fix="If nobody wanted it, check the switch and its channel (RC_MAP_KILL_SW), and what may terminate a flight: "
+        "CBRK_FLIGHTTERM, FD_EXT_ATS_EN, GF_ACTION. If the vehicle had landed, check its land detector.",
+        source="the flags of actuator_armed; disarmed while `landed` of vehicle_land_detected is not set",
+        example="the kill switch stopped the motors in the air",
     ),
     FlightRule(
         "FAILURE_DETECTED",

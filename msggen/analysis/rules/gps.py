@@ -3,40 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
+from msggen.base.diagnostics import counted
 from msggen.check.finding import Category, Severity
 from msggen.messages.gps import HAS_FIX
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
-    from msggen.analysis.recorded import Column
 
 _TOPICS = "sensor_gps", "vehicle_gps_position"
-_GPS = tuple(f"{topic}.fix_type" for topic in _TOPICS)
+_LATITUDES = "latitude_deg", "lat"
+"""The names of the latitude: in degrees, and in 1e-7 degrees."""
+_JUMP, _ACCURACIES, _LONGEST = 5.0, 3.0, 2.0
+"""How far a position may jump, in m and in times of its accuracy, and the longest time in s between two positions."""
 
 
-def _column(flight: Flight, field: str) -> Column | None:
-    """Return a field of the first topic of a receiver that the recording has."""
-    found = (flight.recorded.column(topic, field) for topic in _TOPICS if topic in flight.recorded)
-    return next(filter(None, found), None)
+def _fields(name: str) -> tuple[str, ...]:
+    """Return the paths of a field, in the order in which they are looked at."""
+    return tuple(f"{topic}.{name}" for topic in _TOPICS)
+
+
+def _receivers(flight: Flight) -> Iterator[tuple[str, str, int]]:
+    """Yield the name, the topic and the instance of each receiver."""
+    topic = next(filter(flight.recorded.__contains__, _TOPICS), "")
+    for instance in flight.recorded.instances(topic):
+        yield f"GPS {instance}" if instance else "GPS", topic, instance
 
 
 def _lost(flight: Flight) -> Iterator[Seen]:
-    fix = _column(flight, "fix_type")
-    later = fix.since_above(HAS_FIX - 1) if fix else None  # a vehicle indoors never has one
-    stretch = flight.below(later, HAS_FIX)
-    if stretch and stretch.seconds > 0:
-        text = f"the GPS had no fix for {stretch.seconds:.1f} s"
-        yield Seen(text, stretch.begin, stretch.end, {"lost_s": stretch.seconds})
+    for name, topic, instance in _receivers(flight):
+        fix = flight.recorded.column(topic, "fix_type", instance)
+        later = fix.since_above(HAS_FIX - 1) if fix else None  # a vehicle indoors never has one
+        stretch = flight.below(later, HAS_FIX)
+        if stretch and stretch.seconds > 0:
+            text = f"the {name} had no fix for {stretch.seconds:.1f} s"
+            yield Seen(text, stretch.begin, stretch.end, {"receiver": instance, "lost_s": stretch.seconds})
 
 
-def _jammed(flight: Flight) -> Iterator[Seen]:
-    stretch = flight.above(_column(flight, "jamming_state"), 1.0)
-    if stretch and stretch.seconds > 0:
-        text = f"the GPS reports jamming for {stretch.seconds:.1f} s"
-        yield Seen(text, stretch.begin, stretch.end, {"jammed_s": stretch.seconds})
+def _reported(field: str, word: str, flight: Flight) -> Iterator[Seen]:
+    for name, topic, instance in _receivers(flight):
+        stretch = flight.above(flight.recorded.column(topic, field, instance), 1.0)
+        if stretch and stretch.seconds > 0:
+            text = f"the {name} reports {word} for {stretch.seconds:.1f} s"
+            yield Seen(text, stretch.begin, stretch.end, {"receiver": instance, "reported_s": stretch.seconds})
+
+
+def _jumped(flight: Flight) -> Iterator[Seen]:
+    from msggen.analysis.places import jumps_of
+
+    for name, topic, instance in _receivers(flight):
+        found = jumps_of(flight, topic, instance, _LONGEST)
+        accuracy = flight.recorded.column(topic, "eph", instance)
+        margin = _ACCURACIES * accuracy.largest if accuracy and accuracy.largest > 0 else 0.0
+        limit = max(margin, flight.parameter("COM_POS_FS_EPH", _JUMP), _JUMP)
+        stretch = flight.above(found, limit)
+        if found and stretch:
+            worst, count = found.within(flight.recorded.armed).largest, int((found.values > limit).sum())
+            values = {"receiver": instance, "jumps": count, "jump_m": worst, "limit_m": limit}
+            text = f"the position of the {name} jumped {counted(count, 'time')}, by up to {worst:.0f} m"
+            yield Seen(text, stretch.begin, stretch.end, values)
 
 
 RULES = (
@@ -46,7 +74,7 @@ RULES = (
         Category.FLIGHT,
         _lost,
         severity=Severity.WARNING,
-        needs=(_GPS,),
+        needs=(_fields("fix_type"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, away from cameras, radios and USB cables.",
         source="`fix_type` below 3 after a fix",
@@ -56,14 +84,37 @@ RULES = (
         "GPS_JAMMED",
         "the GPS reports jamming",
         Category.FLIGHT,
-        _jammed,
+        partial(_reported, "jamming_state", "jamming"),
         severity=Severity.WARNING,
-        needs=(tuple(f"{topic}.jamming_state" for topic in _TOPICS),),
+        needs=(_fields("jamming_state"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Look for a source on the vehicle, such as a transmitter of video, USB 3 or a switching regulator. If it "
         "is elsewhere, fly without GPS there, or not at all.",
         source="`jamming_state` of sensor_gps: 2 is mitigated, 3 detected",
         example="the GPS reports jamming for 4.9 s",
+    ),
+    FlightRule(
+        "GPS_SPOOFED",
+        "the GPS reports that its signals are not those of satellites",
+        Category.FLIGHT,
+        partial(_reported, "spoofing_state", "spoofing"),
+        needs=(_fields("spoofing_state"),),
+        uses=("vehicle_status", "actuator_armed"),
+        fix="Do not trust the position. Fly without GPS there, or not at all.",
+        source="`spoofing_state` of sensor_gps: 2 is mitigated, 3 detected",
+        example="the GPS reports spoofing for 3.0 s",
+    ),
+    FlightRule(
+        "GPS_JUMPED",
+        "the position of the GPS jumped farther than its speed explains",
+        Category.FLIGHT,
+        _jumped,
+        severity=Severity.WARNING,
+        needs=(tuple(path for name in _LATITUDES for path in _fields(name)),),
+        uses=("vehicle_status", "actuator_armed"),
+        fix="Give the antenna a free view of the sky, look for sources of jamming, and do not fly close to buildings.",
+        source="COM_POS_FS_EPH, 5 m at least, and 3 times the accuracy that the receiver tells",
+        example="the position of the GPS jumped 2 times, by up to 48 m",
     ),
 )
 """The rules."""

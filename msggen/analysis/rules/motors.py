@@ -1,11 +1,12 @@
-"""Motors and servos."""
+"""Motors and their controllers (ESCs)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from msggen.analysis.finding import FlightRule, Seen
+from msggen.analysis.finding import FlightRule, Seen, Unsaid
+from msggen.base.diagnostics import few
 from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
@@ -16,17 +17,95 @@ _MOST = 0.05
 """The share of the time armed in which a motor may be at its limit."""
 _LONGEST = 1.0
 """The same in s."""
+_MOTORS = 16
+"""The motors that are looked at: PX4 has 12."""
+_RUNNING, _STOPPED_S, _OFFLINE_S = 0.1, 0.5, 0.3
+"""The command of a motor that turns, and the times in s for which one may stand, and an ESC may be silent."""
+_ROTARY_WING = 1
+"""A `vehicle_type` of VehicleStatus."""
+_FIRST = 101
+"""The `actuator_function` of the first motor."""
+_FAILURES = (
+    *("over current", "over voltage", "motor too hot", "too fast", "inconsistent command", "motor stuck"),
+    *("generic failure", "motor hot", "ESC hot", "ESC too hot"),
+)
+"""The bits of `failures` in an EscReport."""
 
 
 def _saturated(flight: Flight) -> Iterator[Seen]:
     recorded, armed = flight.recorded, flight.seconds_armed
-    for index in range(recorded.width("actuator_motors", "control")):
+    for index in range(min(recorded.width("actuator_motors", "control"), _MOTORS)):
         stretch = flight.above(recorded.column("actuator_motors", f"control[{index}]"), SATURATED)
         if stretch and armed > 0 and stretch.seconds > max(_MOST * armed, _LONGEST):
             share = stretch.seconds / armed
             at = f"{stretch.seconds:.1f} s, {100 * share:.0f} % of the time armed"
             values = {"motor": index + 1, "saturated_s": stretch.seconds, "share": share, "limit": SATURATED}
             yield Seen(f"motor {index + 1} was at its limit for {at}", stretch.begin, stretch.end, values)
+
+
+def _stopped(flight: Flight) -> Iterator[Seen | Unsaid]:
+    recorded = flight.recorded
+    kind, vtol = (recorded.column("vehicle_status", name) for name in ("vehicle_type", "is_vtol"))
+    if (kind and kind.largest != _ROTARY_WING) or (vtol and vtol.largest > 0):
+        yield Unsaid("only multicopters must not stop a motor in flight")
+        return
+    found = (
+        recorded.column("actuator_motors", f"control[{index}]")
+        for index in range(min(recorded.width("actuator_motors", "control"), _MOTORS))
+    )
+    columns = [(index, each, each.is_within(flight.in_air)) for index, each in enumerate(found) if each]
+    running = [each for each in columns if (each[1].values[each[2]] > _RUNNING).any()]
+    turning: Any = sum((each.values > _RUNNING).astype(int) for _, each, _ in running)
+    for index, column, is_flying in running:
+        times = flight.when(column, ~(column.values > 0) & (2 * turning >= len(running)) & is_flying)
+        long = [each for each in times if each[1] - each[0] >= _STOPPED_S]
+        if long:
+            seconds = sum(end - begin for begin, end in long)
+            text = f"motor {index + 1} was stopped in flight for {seconds:.1f} s while others turned"
+            yield Seen(text, long[0][0], long[-1][1], {"motor": index + 1, "stopped_s": seconds})
+
+
+def _escs(flight: Flight) -> Iterator[Seen]:
+    recorded = flight.recorded
+    count = recorded.column("esc_status", "esc_count")
+    most = int(min(count.largest, _MOTORS)) if count and count.largest > 0 else 0
+    for index in range(min(most, recorded.width("esc_status", "esc"))):
+        function = recorded.column("esc_status", f"esc[{index}].actuator_function")
+        told = int(function.largest) - _FIRST if function and _FIRST <= function.largest < _FIRST + _MOTORS else index
+        yield from _esc(flight, index, told)
+
+
+def _esc(flight: Flight, index: int, motor: int) -> Iterator[Seen]:
+    """Yield what an ESC reports, and what it does not. `index` is its place, `motor` the one that it drives, from 0."""
+    recorded = flight.recorded
+    failures = recorded.column("esc_status", f"esc[{index}].failures")
+    stretch = flight.above(failures, 0.0)
+    if failures and stretch and stretch.seconds > 0:
+        values = failures.within(recorded.armed).values.astype(int)
+        bits = [name for bit, name in enumerate(_FAILURES) if (values & (1 << bit)).any()]
+        text = f"the ESC of motor {motor + 1} reports {few(bits) or 'a failure'}"
+        evidence: dict[str, float | str] = {
+            "motor": motor + 1,
+            "failing_s": stretch.seconds,
+            "failures": ", ".join(bits),
+        }
+        yield Seen(text, stretch.begin, stretch.end, evidence)
+    online = recorded.column("esc_status", "esc_online_flags")
+    if online:
+        bit = online._replace(values=online.values // (1 << index) % 2).since_above(0)
+        stretch = flight.below(bit, 1)
+        if stretch and stretch.seconds >= _OFFLINE_S:
+            text = f"the ESC of motor {motor + 1} was offline for {stretch.seconds:.1f} s"
+            yield Seen(text, stretch.begin, stretch.end, {"motor": motor + 1, "offline_s": stretch.seconds})
+    speed = recorded.column("esc_status", f"esc[{index}].esc_rpm")
+    command = recorded.column("actuator_motors", f"control[{motor}]")
+    if speed and command and (speed.values != 0).any():
+        standing = (speed.values == 0) & (command.at(speed.times) > _RUNNING) & speed.is_within(flight.in_air)
+        long = [each for each in flight.when(speed, standing) if each[1] - each[0] >= _STOPPED_S]
+        if long:
+            seconds = sum(end - begin for begin, end in long)
+            text = f"motor {motor + 1} stood for {seconds:.1f} s in flight, although it was to turn"
+            yield Seen(text, long[0][0], long[-1][1], {"motor": motor + 1, "standing_s": seconds})
 
 
 RULES = (
@@ -42,6 +121,30 @@ RULES = (
         "high. If it is one motor only, look at that one and the one opposite.",
         source="99 % of the range for 5 % of the time armed, and for a second",
         example="motor 1 was at its limit for 4.9 s, 100 % of the time armed",
+    ),
+    FlightRule(
+        "MOTOR_STOPPED",
+        "the output of a motor of a multicopter fell to zero in flight while others turned",
+        Category.FLIGHT,
+        _stopped,
+        needs=(("actuator_motors",),),
+        uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
+        fix="PX4 stops a motor that its failure detector takes for failed (FD_ACT_EN, CA_FAILURE_MODE), and control "
+        "allocation does so if the thrust is too low for the manoeuvre: MPC_THR_MIN and MC_AIRMODE change "
+        "that.",
+        source="0.5 s at zero in the air, while half of the motors are above 10 %",
+        example="motor 2 was stopped in flight for 1.5 s while others turned",
+    ),
+    FlightRule(
+        "ESC_FAILED",
+        "a motor controller reports a failure, is offline, or its motor stands in flight",
+        Category.FLIGHT,
+        _escs,
+        needs=(("esc_status",),),
+        uses=("vehicle_status", "actuator_armed", "vehicle_land_detected", "actuator_motors"),
+        fix="Do not fly before the ESC, its cables, the motor and the propeller are checked.",
+        source="`failures` of EscReport; offline for 0.3 s, after which PX4 reports it; 0 rpm for 0.5 s above 10 %",
+        example="the ESC of motor 3 was offline for 2.0 s",
     ),
 )
 """The rules."""

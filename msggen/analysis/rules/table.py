@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
-from msggen.analysis.rules import estimator, failures, gps, motors, power, recording, system, vibration
+from msggen.analysis.rules import (
+    estimator,
+    failures,
+    gps,
+    landing,
+    links,
+    magnetometer,
+    motors,
+    power,
+    recording,
+    system,
+    vibration,
+    wind,
+)
 
 FLIGHT = (
     *recording.RULES,
     *failures.RULES,
+    *links.RULES,
     *vibration.RULES,
     *estimator.RULES,
     *gps.RULES,
+    *magnetometer.RULES,
     *motors.RULES,
     *power.RULES,
+    *landing.RULES,
+    *wind.RULES,
     *system.RULES,
 )
 """The rules."""

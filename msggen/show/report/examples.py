@@ -34,7 +34,7 @@ def example_of(rule: Rule) -> Report:
 
 
 def _flight(rule: FlightRule) -> Report:
-    name = "flight.ulg"
+    name = "flight"
     change = Change(name, rule.example, Location(name, 0))
     return Report("", name, (rule,), (Finding(rule, change),), 1, f"1 finding: {name}")
 

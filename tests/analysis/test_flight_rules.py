@@ -1,0 +1,356 @@
+"""Tests of the rules about flights: each finds its fault, nothing in a recording without it, and says why it cannot say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from msggen import recordings
+from msggen.analysis.finding import Findings
+from msggen.analysis.findings import findings_of
+from msggen.analysis.flight import flight_of
+from msggen.analysis.rules.table import FLIGHT, TOPICS
+from support.ulog_flights import write_flight
+from support.written import write_recording
+
+END = 20.0
+"""The time in s of the samples of each case."""
+AIR = (4.0, 16.0)
+"""When the vehicle is in the air. It is armed from 2 s to 18 s."""
+Fields = Mapping[str, Any]
+Values = Callable[[float], Fields]
+
+
+def when(begin: float, end: float, then: Fields, otherwise: Fields) -> Values:
+    """Return values that are others for a time."""
+    return lambda time: then if begin <= time < end else otherwise
+
+
+def flown(time: float) -> dict[str, Values]:
+    """Return the topics that tell when a vehicle flies."""
+    del time
+    return {
+        "vehicle_status": lambda time: {
+            "arming_state": 1 + (2 <= time < 18),
+            "vehicle_type": 1,
+            "nav_state": 14,
+            "nav_state_user_intention": 14,
+        },
+        "vehicle_land_detected": lambda time: {"landed": not AIR[0] <= time < AIR[1]},
+    }
+
+
+class Case(NamedTuple):
+    """A recording with a fault, and one without."""
+
+    rule: str
+    bad: Mapping[str, Values]
+    text: str
+    good: Mapping[str, Values]
+    parameters: Mapping[str, float] = {}
+    level: str = "warning"
+
+
+def flags(name: str, begin: float = 8, end: float = 11, topic: str = "failsafe_flags") -> dict[str, Values]:
+    """Return a flag that is set for a time."""
+    return {topic: when(begin, end, {name: True}, {name: False})}
+
+
+def motors(*control: float) -> Fields:
+    return {"control": (*control, *[math.nan] * (12 - len(control)))}
+
+
+def escs(px4_types: Any, online: int = 15, **second: Any) -> Fields:
+    each = [px4_types.EscReport(actuator_function=101 + index, esc_rpm=5000) for index in range(12)]
+    each[1] = px4_types.EscReport(**{"actuator_function": 102, "esc_rpm": 5000, **second})
+    return {"esc_count": 4, "esc_online_flags": online, "esc": tuple(each)}
+
+
+def place(latitude: float, speed: float = 0.0) -> Fields:
+    return {"latitude_deg": latitude, "longitude_deg": 8.0, "fix_type": 3, "vel_m_s": speed, "eph": 0.9}
+
+
+def cell(volts: float, amps: float = 10.0) -> Fields:
+    return {"connected": True, "voltage_v": volts * 4, "current_a": amps, "cell_count": 4, "remaining": 0.8}
+
+
+def local(**more: Any) -> Fields:
+    return {"v_z_valid": True, "xy_valid": True, **more}
+
+
+HOVER = motors(0.5, 0.5, 0.5, 0.5)
+ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.5 < time < 15.7 else -9.8)}}
+IN_AIR = {"vehicle_land_detected": lambda time: {"landed": time < AIR[0]}}
+STILL_ARMED = {"vehicle_status": lambda time: {"arming_state": 1 + (time >= 2), "vehicle_type": 1, "nav_state": 14}}
+
+
+def cases(px4_types: Any) -> list[Case]:
+    """Return a case for each rule that reads topics."""
+    healthy = escs(px4_types)
+    steady = {"offboard_control_mode": lambda _: {"position": True}}
+    quiet_mag = {"mag_strength_gs": 0.5, "mag_strength_ref_gs": 0.48}
+    swing = lambda time: 10 + 8 * math.sin(3 * time)  # noqa: E731 - a current
+    return [
+        Case(
+            "LOG_ENDS_IN_AIR",
+            {**IN_AIR, **STILL_ARMED},
+            "the recording ends in the air",
+            {},
+        ),
+        Case(
+            "IN_FAILSAFE",
+            {
+                "vehicle_status": lambda time: {"arming_state": 2, "failsafe": 8 <= time < 11, "nav_state": 4},
+                **flags("gnss_lost", 7),
+            },
+            "failsafe for 3.0 s, in mode Hold, because of gnss_lost",
+            flags("gnss_lost", 7),
+        ),
+        Case(
+            "FLIGHT_STOPPED",
+            {"actuator_armed": when(8, 9, {"armed": True, "kill": True}, {"armed": True})},
+            "the kill switch stopped the motors in the air",
+            {"actuator_armed": lambda time: {"armed": 2 <= time < 18}},
+            level="error",
+        ),
+        Case(
+            "FLIGHT_STOPPED",
+            {"vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 1}},
+            "the vehicle was disarmed in the air",
+            {},
+            level="error",
+        ),
+        Case(
+            "FAILURE_DETECTED",
+            flags("fd_roll", topic="failure_detector_status"),
+            "the failure detector reports fd_roll",
+            flags("fd_roll", 0, 1, "failure_detector_status"),
+            level="error",
+        ),
+        Case(
+            "MANUAL_CONTROL_LOST",
+            flags("manual_control_signal_lost"),
+            "the remote control was lost for 3.0 s",
+            flags("manual_control_signal_lost", 0, 30),
+        ),
+        Case(
+            "GROUND_STATION_LOST",
+            flags("gcs_connection_lost"),
+            "the ground station was lost for 3.0 s",
+            flags("gcs_connection_lost", 0, 30),
+            {"NAV_DLL_ACT": 2},
+        ),
+        Case(
+            "GROUND_STATION_LOST",
+            flags("gcs_connection_lost"),
+            "the ground station was lost for 3.0 s",
+            flags("gcs_connection_lost", 18, 30),
+            level="info",
+        ),
+        Case(
+            "OFFBOARD_LOST",
+            flags("offboard_control_signal_lost"),
+            "Offboard mode had no setpoints to follow for 3.0 s",
+            flags("offboard_control_signal_lost", 0, 1),
+        ),
+        Case(
+            "SETPOINTS_RARE",
+            {"offboard_control_mode": lambda time: {"position": True} if not 8 < time < 9.4 else {}},
+            "the setpoints of a program came late 1 time, by up to 1.4 s",
+            steady,
+        ),
+        Case(
+            "VIBRATION_HIGH",
+            {"vehicle_imu_status": lambda _: {"accel_vibration_metric": 6.0}},
+            "high vibration of IMU 0: up to 6.0 m/s²",
+            {"vehicle_imu_status": lambda _: {"accel_vibration_metric": 4.0}},
+        ),
+        Case(
+            "ACCEL_CLIPPED",
+            {"vehicle_imu_status": lambda time: {"accel_clipping": (0, 0, int(time > 9) * 12)}},
+            "the accelerometer of IMU 0 reached its limit 12 times",
+            {"vehicle_imu_status": lambda _: {"accel_clipping": (5, 5, 5)}},
+        ),
+        Case(
+            "INNOVATIONS_REJECTED",
+            {"estimator_status": when(8, 11, {"hgt_test_ratio": 2.5}, {"hgt_test_ratio": 0.2})},
+            "the estimator rejected the height for 3.0 s, with a test ratio of up to 2.5",
+            {"estimator_status": when(8, 8.5, {"hgt_test_ratio": 2.5}, {"hgt_test_ratio": 0.2})},
+        ),
+        Case(
+            "ESTIMATE_RESET",
+            {
+                "vehicle_local_position": lambda time: local(
+                    xy_reset_counter=time > 9, delta_xy=(6.0, 8.0) if time > 9 else (0.0, 0.0)
+                )
+            },
+            "the estimate of the horizontal position jumped 1 time by up to 10.0 m while armed",
+            {"vehicle_local_position": lambda time: local(xy_reset_counter=time > 1, delta_xy=(9.0, 9.0))},
+        ),
+        Case(
+            "ESTIMATE_RESET",
+            {"vehicle_local_position": lambda time: local(heading_reset_counter=time > 9, delta_heading=0.1)},
+            "the estimate of the heading jumped 1 time by up to 5.7 deg while armed",
+            {"vehicle_local_position": lambda _: local(heading_reset_counter=3, delta_heading=0.1)},
+            level="info",
+        ),
+        Case(
+            "GPS_FIX_LOST",
+            {"sensor_gps": when(8, 11, {"fix_type": 1}, {"fix_type": 3})},
+            "the GPS had no fix for 3.0 s",
+            {"sensor_gps": lambda _: {"fix_type": 0}},
+        ),
+        Case(
+            "GPS_JAMMED",
+            {"sensor_gps": when(8, 11, {"fix_type": 3, "jamming_state": 3}, {"fix_type": 3, "jamming_state": 1})},
+            "the GPS reports jamming for 3.0 s",
+            {"sensor_gps": lambda _: {"fix_type": 3, "jamming_state": 1}},
+        ),
+        Case(
+            "GPS_SPOOFED",
+            {"sensor_gps": when(8, 11, {"fix_type": 3, "spoofing_state": 2}, {"fix_type": 3})},
+            "the GPS reports spoofing for 3.0 s",
+            {"sensor_gps": lambda _: {"fix_type": 3, "spoofing_state": 1}},
+            level="error",
+        ),
+        Case(
+            "GPS_JUMPED",
+            {"sensor_gps": when(8, 11, place(47.001), place(47.0))},
+            "the position of the GPS jumped 2 times, by up to 111 m",
+            {"sensor_gps": lambda time: place(47 + time * 9e-5, 10.0)},
+        ),
+        Case(
+            "MAG_DISTURBED",
+            {"estimator_status": when(8, 11, {**quiet_mag, "mag_strength_gs": 0.8}, quiet_mag)},
+            "the magnetic field was off by up to 0.32 Ga for 3.0 s",
+            {"estimator_status": when(1, 3, {**quiet_mag, "mag_strength_gs": 0.8}, quiet_mag)},
+        ),
+        Case(
+            "MAG_DISTURBED",
+            flags("cs_mag_field_disturbed", topic="estimator_status_flags"),
+            "the estimator found the magnetic field disturbed for 3.0 s",
+            flags("cs_mag_field_disturbed", 0, 3, "estimator_status_flags"),
+        ),
+        Case(
+            "MAG_FOLLOWS_THRUST",
+            {
+                "vehicle_thrust_setpoint": lambda time: {"xyz": (0, 0, -swing(time) / 20)},
+                "vehicle_magnetometer": lambda time: {"magnetometer_ga": (0.2, 0, 0.4 + swing(time) / 100)},
+            },
+            "the magnetic field changes by 0.15 Ga with the thrust (correlation 1.00)",
+            {
+                "vehicle_thrust_setpoint": lambda time: {"xyz": (0, 0, -swing(time) / 20)},
+                "vehicle_magnetometer": lambda time: {"magnetometer_ga": (0.2, 0, 0.4 + swing(time) / 1000)},
+            },
+        ),
+        Case(
+            "MOTOR_SATURATED",
+            {"actuator_motors": when(8, 11, motors(1, 0.5, 0.5, 0.5), HOVER)},
+            "motor 1 was at its limit for 3.0 s, 19 % of the time armed",
+            {"actuator_motors": when(8, 8.5, motors(1, 0.5, 0.5, 0.5), HOVER)},
+        ),
+        Case(
+            "MOTOR_STOPPED",
+            {"actuator_motors": when(8, 9, motors(0.5, math.nan, 0.5, 0.5), HOVER)},
+            "motor 2 was stopped in flight for 1.0 s while others turned",
+            {"actuator_motors": when(*AIR, HOVER, motors(0, 0, 0, 0))},
+            level="error",
+        ),
+        Case(
+            "ESC_FAILED",
+            {"esc_status": when(8, 9, escs(px4_types, failures=1 << 5), healthy)},
+            "the ESC of motor 2 reports motor stuck",
+            {"esc_status": lambda _: healthy},
+            level="error",
+        ),
+        Case(
+            "ESC_FAILED",
+            {"esc_status": when(8, 9, escs(px4_types, 13), healthy)},
+            "the ESC of motor 2 was offline for 1.0 s",
+            {"esc_status": when(0, 30, escs(px4_types, 13), healthy)},
+            level="error",
+        ),
+        Case(
+            "ESC_FAILED",
+            {"esc_status": when(8, 9, escs(px4_types, esc_rpm=0), healthy), "actuator_motors": lambda _: HOVER},
+            "motor 2 stood for 1.0 s in flight, although it was to turn",
+            {"esc_status": when(2, 4, escs(px4_types, esc_rpm=0), healthy), "actuator_motors": lambda _: HOVER},
+            level="error",
+        ),
+        Case(
+            "BATTERY_LOW",
+            {"battery_status": lambda _: {"connected": True, "remaining": 0.25}},
+            "the battery fell to 25 %",
+            {"battery_status": lambda _: {"connected": True, "remaining": 0.35}},
+            {"BAT_LOW_THR": 0.3},
+        ),
+        Case(
+            "BATTERY_SAG",
+            {"battery_status": when(8, 11, cell(3.2), cell(3.9))},
+            "the voltage sagged to 3.20 V a cell, below 3.50 V for 3.0 s",
+            {"battery_status": when(8, 8.5, cell(3.2), cell(3.9))},
+        ),
+        Case(
+            "BATTERY_RESISTANCE",
+            {"battery_status": lambda time: cell(4.1 - 0.03 * swing(time), swing(time))},
+            "the battery has 30 mΩ a cell, more than 20 mΩ",
+            {"battery_status": lambda time: cell(4.1 - 0.006 * swing(time) - time / 100, swing(time))},
+        ),
+        Case(
+            "SUPPLY_VOLTAGE",
+            {"system_power": when(8, 11, {"voltage5v_v": 4.6}, {"voltage5v_v": 5.0})},
+            "the rail of 5 V fell to 4.60 V",
+            {"system_power": lambda time: {"voltage5v_v": 4.6, "usb_connected": 1} if time < 5 else {"voltage5v_v": 5}},
+        ),
+        Case(
+            "SUPPLY_VOLTAGE",
+            {"system_power": when(8, 11, {"voltage5v_v": 5.6}, {"voltage5v_v": 5.0})},
+            "the rail of 5 V rose to 5.60 V",
+            {"system_power": lambda _: {"voltage5v_v": 0.0}},
+        ),
+        Case(
+            "POWER_LOST",
+            {**IN_AIR, **STILL_ARMED, "battery_status": when(19, 30, cell(2.2), cell(3.8))},
+            "the recording ends in the air while the battery falls from 15.20 to 8.80 V",
+            {**IN_AIR, **STILL_ARMED, "battery_status": lambda _: cell(3.8)},
+            level="error",
+        ),
+        Case(
+            "LANDING_HARD",
+            {"vehicle_local_position": when(14, 15.7, local(vz=2.4), local(vz=0.1))},
+            "the vehicle touched down at 2.4 m/s",
+            {"vehicle_local_position": when(6, 13, local(vz=2.4), local(vz=0.7))},
+        ),
+        Case(
+            "LANDING_HARD",
+            {"vehicle_local_position": lambda _: local(vz=0.1), **ROUGH},
+            "the vehicle touched down with a shock of 50 m/s²",
+            {"vehicle_local_position": when(14, 15.7, local(vz=2.4), local(vz=0.1))},
+            {"MPC_LAND_SPEED": 1.5},
+        ),
+        Case(
+            "WIND_HIGH",
+            {"wind": when(8, 11, {"windspeed_north": 9.0, "windspeed_east": 12.0}, {})},
+            "the wind reached 15.0 m/s, above 12.0 m/s for 3.0 s",
+            {"wind": lambda _: {"windspeed_north": 9.0}},
+            {"COM_WIND_WARN": 12.0},
+        ),
+        Case(
+            "CPU_LOAD_HIGH",
+            {"cpuload": when(8, 11, {"load": 0.85}, {"load": 0.4})},
+            "the load of the CPU reached 85 %",
+            {"cpuload": when(8, 9, {"load": 0.85}, {"load": 0.4})},
+            {"COM_CPU_MAX": 80.0},
+        ),
+        Case(
+            "MEMORY_LOW",
+            {"cpuload": lambda _: {"ram_usage": 0.97}},
+            "the used memory reached 97 %",
+            {"cpuload": lambda _: {"ram_usage": 0.93}},
+            {"COM_RAM_MAX": -1.0},
+        ),
+    ]
