@@ -20,7 +20,9 @@ from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import is_firmware
 
 ACTIONS: Mapping[str, str] = {
-    **dict.fromkeys(("info", "show", "plot", "report", "convert", "compact", "cut", "merge", "repair"), "log"),
+    **dict.fromkeys(
+        ("info", "show", "plot", "report", "compare", "convert", "compact", "cut", "merge", "repair"), "log"
+    ),
     **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub", "type", "find"), "topic"),
 }
 """The commands of actions that users type without them."""

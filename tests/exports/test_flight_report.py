@@ -370,7 +370,7 @@ class _Fixed(Recorded):
         ("battery_status", "BatteryStatus", {"connected": False, "remaining": 0.1}, None),
         ("failure_detector_status", "FailureDetectorStatus", {"fd_roll": True}, "the failure detector reports fd_roll"),
         ("failure_detector_status", "FailureDetectorStatus", {}, None),
-        ("vehicle_land_detected", "VehicleLandDetected", {"landed": False}, "the recording ends in the air"),
+        ("vehicle_land_detected", "VehicleLandDetected", {"landed": False}, None),  # armed or not: it does not tell
         ("vehicle_land_detected", "VehicleLandDetected", {"landed": True}, None),
         ("cpuload", "Cpuload", {"load": 0.95}, "the load of the CPU reached 95 %"),
         ("cpuload", "Cpuload", {"load": 0.85}, None),

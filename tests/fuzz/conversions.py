@@ -66,6 +66,11 @@ ACTIONS = (
     "show {} vehicle_status",
     "show {} --texts",
     "report {} -o made.html",
+    "report {} other.mcap -o made.html",
+    "report other.mcap {} -o made.html",
+    "compare {} other.mcap",
+    "compare other.mcap {}",
+    "compare {} {}",
     f"report {STDIN} -o made.html",
 )
 WITHOUT_JSON = ("report",)
