@@ -11,7 +11,7 @@ import numpy as np
 
 from msggen.analysis.figures import Track, track_of
 from msggen.analysis.recorded import Column, Recorded, spans
-from msggen.analysis.timeline import Timeline, timeline_of
+from msggen.analysis.timeline import TOPICS, Timeline, timeline_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -150,5 +150,5 @@ def common(one: Spans, other: Spans) -> Spans:
 
 
 def flight_of(log: Log, is_needed: Callable[[str], bool]) -> Flight:
-    """Return the flight in a recording, with the topics whose names in uORB `is_needed` takes."""
-    return Flight(Recorded(log, is_needed))
+    """Return the flight in a recording, with its modes, and the topics whose names in uORB `is_needed` takes."""
+    return Flight(Recorded(log, lambda name: name in TOPICS or is_needed(name)))

@@ -194,6 +194,17 @@ class Recorded:
             if connected is None or connected.values.any():
                 yield instance
 
+    @cached_property
+    def all_topics(self) -> Mapping[str, Topic]:
+        """All topics of the vehicle that have samples, also those that were not read, by names as `sensor_gps[1]`."""
+        topics = _of_vehicle(self.log, self.namespace, lambda _: True)
+        return {
+            name + (f"[{number}]" if number else ""): instances[number]
+            for name, instances in sorted(topics.items())
+            for number in sorted(instances)
+            if instances[number].count
+        }
+
     def _seconds(self, samples: Samples) -> NDArray[np.float64]:
         return (samples.log_times - self.log.start) / 1e9
 

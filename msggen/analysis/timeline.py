@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from msggen.analysis.recorded import Recorded, spans
-from msggen.messages.nav_states import MODE_CONSTANTS, MODE_TITLES
+from msggen.messages.nav_states import EXTERNAL, MODE_CONSTANTS, MODE_TITLES, mode_number
 from msggen.recordings.log.series import MODES
 
+_REPLY = "register_ext_component_reply"
+"""The topic in which PX4 tells which mode it gave to a program."""
+TOPICS = frozenset({MODES[0], _REPLY})
+"""The topics that flight modes and failsafes are from."""
 _NAMES = {constant: MODE_TITLES[mode] for mode, constant in MODE_CONSTANTS.items()}
 """The names of modes in ground stations, by those in PX4."""
 COLOURS = 10
@@ -63,13 +68,53 @@ def _modes(recorded: Recorded) -> list[Stretch]:
     modes = recorded.series(*MODES)
     if modes is None or not modes.is_named:
         return []
+    own = _registered(recorded)
     found = sorted(
-        (begin, min(end, recorded.duration), _name(band.name)) for band in modes.bands for begin, end in band.spans
+        (begin, min(end, recorded.duration), _own_name(band.name, own, end) or _name(band.name))
+        for band in modes.bands
+        for begin, end in band.spans
     )
     colours: dict[str, int] = {}
     for _, _, name in found:
         colours.setdefault(name, len(colours) % COLOURS)
     return [Stretch(name, colours[name], begin, end) for begin, end, name in found if end > begin]
+
+
+class _Registered(NamedTuple):
+    """The names that programs gave a mode, and when in s."""
+
+    times: list[float]
+    names: list[str]
+
+    def at(self, time: float) -> str:
+        """Return the last name until a time, "" before the first one."""
+        place = bisect_right(self.times, time)
+        return self.names[place - 1] if place else ""
+
+
+def _registered(recorded: Recorded) -> dict[int, _Registered]:
+    """Return the names of the modes that programs registered, by their numbers."""
+    samples = recorded.samples(_REPLY)
+    if samples is None or not {"success", "mode_id", "name"} <= {*(samples.array.dtype.names or ())}:
+        return {}
+    found: dict[int, _Registered] = {}
+    for time, row in zip(samples.log_times, samples.array, strict=True):
+        name = bytes(row["name"]).partition(b"\0")[0].decode(errors="replace").strip()
+        if row["success"] and row["mode_id"] in EXTERNAL and name:
+            of_mode = found.setdefault(int(row["mode_id"]), _Registered([], []))
+            of_mode.times.append((time - recorded.log.start) / 1e9)
+            of_mode.names.append(name)
+    return found
+
+
+def _own_name(name: str, registered: Mapping[int, _Registered], end: float) -> str:
+    """Return the name that a program gave the mode that ended at a time, "" if the recording does not tell it.
+
+    PX4 gives the same mode to other programs later. A name that PX4 uses itself is followed by that of the mode.
+    """
+    of_mode = registered.get(mode_number(name) or 0)
+    own = of_mode.at(end) if of_mode else ""
+    return f"{own} ({_name(name)})" if own in MODE_TITLES.values() else own
 
 
 def _name(name: str) -> str:

@@ -21,7 +21,7 @@ from msggen.sources.tree_layout import is_firmware
 
 ACTIONS: Mapping[str, str] = {
     **dict.fromkeys(
-        ("info", "show", "findings", "plot", "report", "convert", "compact", "cut", "merge", "repair"), "log"
+        ("info", "show", "findings", "plot", "report", "compare", "convert", "compact", "cut", "merge", "repair"), "log"
     ),
     **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub", "type", "find"), "topic"),
 }

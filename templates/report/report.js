@@ -3,8 +3,9 @@
   "use strict";
   const data = JSON.parse(document.getElementById("report-data").textContent);
   const root = document.documentElement;
-  const whole = [0, data.duration > 0 ? data.duration : 1];
-  const shortest = Math.max(whole[1] / 1e5, 1e-3);
+  const length = data.duration > 0 ? data.duration : 1;
+  const whole = [data.begin, data.begin + length];
+  const shortest = Math.max(length / 1e5, 1e-3);
   const view = { low: whole[0], high: whole[1] };
   const isWhole = () => view.low <= whole[0] && view.high >= whole[1];
   const plots = new Map(); // by the element of the chart
@@ -13,7 +14,7 @@
 
   const floats = (text) => new Float32Array(bytes(text));
   const bytes = (text) => Uint8Array.from(atob(text), (each) => each.charCodeAt(0)).buffer;
-  const times = (text) => Array.from(new Uint32Array(bytes(text)), (each) => (each / 0xffffffff) * data.duration);
+  const times = (text) => Array.from(new Uint32Array(bytes(text)), (each) => data.begin + (each / 0xffffffff) * data.duration);
   const numbers = (text) => Array.from(floats(text), (each) => (Number.isFinite(each) ? each : null));
   const colours = new Map(); // of the present scheme
   const colour = (name) => {
@@ -22,7 +23,7 @@
   };
 
   function clock(seconds, digits) {
-    if (whole[1] < 120) return seconds.toFixed(digits) + " s";
+    if (length < 120) return seconds.toFixed(digits) + " s";
     const sign = seconds < 0 ? "-" : "";
     const rounded = Number(Math.abs(seconds).toFixed(digits));
     const minutes = Math.floor(rounded / 60);
@@ -34,22 +35,22 @@
   // one time axis
 
   function show(low, high) {
-    const length = Math.min(Math.max(high - low, shortest), whole[1] - whole[0]);
-    const begin = Math.min(Math.max(low, whole[0]), whole[1] - length);
-    if (begin === view.low && begin + length === view.high) return;
+    const shown = Math.min(Math.max(high - low, shortest), length);
+    const begin = Math.min(Math.max(low, whole[0]), whole[1] - shown);
+    if (begin === view.low && begin + shown === view.high) return;
     view.low = begin;
-    view.high = begin + length;
+    view.high = begin + shown;
     apply();
   }
 
   function apply() {
-    root.style.setProperty("--low", view.low);
+    root.style.setProperty("--low", view.low - whole[0]);
     root.style.setProperty("--scale", 100 / (view.high - view.low));
     for (const element of visible) fit(plots.get(element));
     drawInterval();
     const digits = view.high - view.low < 10 ? 2 : view.high - view.low < 600 ? 1 : 0;
     find("#shown-time").textContent = isWhole()
-      ? "Whole log, " + clock(whole[1], 1)
+      ? "Whole log, " + clock(length, 1)
       : clock(view.low, digits) + " to " + clock(view.high, digits);
   }
 
@@ -81,13 +82,15 @@
       ctx.fillRect(left, top, right - left, height);
     };
     ctx.save();
-    for (const [, number, begin, end] of data.modes) {
-      rectangle(begin, end, colour("--mode-" + number), 0.16, bbox.top, bbox.height);
-    }
-    for (const [begin, end] of data.failsafes) {
-      rectangle(begin, end, colour("--bad"), 0.22, bbox.top, bbox.height);
-      rectangle(begin, end, colour("--bad"), 1, bbox.top, 4 * devicePixelRatio);
-    }
+    const height = bbox.height / data.flights.length; // each flight has a band of its own
+    data.flights.forEach(({ modes, failsafes }, place) => {
+      const top = bbox.top + place * height;
+      for (const [, number, begin, end] of modes) rectangle(begin, end, colour("--mode-" + number), 0.16, top, height);
+      for (const [begin, end] of failsafes) {
+        rectangle(begin, end, colour("--bad"), 0.22, top, height);
+        rectangle(begin, end, colour("--bad"), 1, top, 4 * devicePixelRatio);
+      }
+    });
     ctx.restore();
   }
 
@@ -240,7 +243,7 @@
         const middle = held.low + ((held.places[0] + held.places[1]) / 2) * perPixel;
         const low = middle - ((places[0] + places[1]) / 2) * perPixel * factor;
         show(low, low + (held.high - held.low) * factor);
-      } else if (view.high - view.low < whole[1] - whole[0]) {
+      } else if (view.high - view.low < length) {
         const moved = (held.places[0] - places[0]) * perPixel;
         show(held.low + moved, held.high + moved);
       } else {
@@ -254,8 +257,8 @@
 
   // the track, and what is at the cursor
 
-  const track = data.track && { times: times(data.track[0]), east: floats(data.track[1]), north: floats(data.track[2]) };
-  const index = (time) => {
+  const tracks = data.flights.filter((each) => each.track).map(({ track }) => ({ times: times(track[0]), east: floats(track[1]), north: floats(track[2]) }));
+  const index = (track, time) => {
     let low = 0;
     let high = track.times.length;
     while (low < high) {
@@ -265,30 +268,42 @@
     }
     return low - 1;
   };
-  const place = (at) => track.east[at] + " " + -track.north[at];
+  const place = (track, at) => track.east[at] + " " + -track.north[at];
+
+  function intervalOf(track) {
+    const first = Math.max(index(track, view.low), 0);
+    const last = index(track, view.high);
+    const points = [];
+    for (let at = first; at <= last; at++) points.push(place(track, at));
+    return points.length ? "M" + points.join("L") : "";
+  }
 
   function drawInterval() {
     const path = find("#track-interval");
-    if (!track || !path) return;
-    const first = Math.max(index(view.low), 0);
-    const last = index(view.high);
-    const points = [];
-    for (let at = first; at <= last; at++) points.push(place(at));
-    path.setAttribute("d", isWhole() || !points.length ? "" : "M" + points.join("L"));
+    if (!path) return;
+    path.setAttribute("d", isWhole() ? "" : tracks.map(intervalOf).join(""));
     find("#track").classList.toggle("is-part", !isWhole());
+  }
+
+  function dotOf(track, time) {
+    const at = time === null ? -1 : index(track, time);
+    return at < 0 ? "" : "M" + place(track, at) + "h0";
   }
 
   function point(time) {
     const dot = find("#track-dot");
-    if (track && dot) {
-      const at = time === null ? -1 : index(time);
-      dot.setAttribute("d", at < 0 ? "" : "M" + place(at) + "h0");
-    }
-    const mode = time === null ? undefined : data.modes.find((each) => each[2] <= time && time < each[3]);
+    if (dot) dot.setAttribute("d", tracks.map((track) => dotOf(track, time)).join(""));
+    find("#at-cursor").textContent = time === null ? "" : factsAt(time).filter(Boolean).join(" · ");
+  }
+
+  function factsAt(time) {
     const near = (view.high - view.low) / 100;
-    const mark = time === null ? undefined : data.marks.find((each) => Math.abs(each[0] - time) < near);
-    const parts = time === null ? [] : [clock(time, 2), mode ? mode[0] : "", mark ? mark[2] : ""];
-    find("#at-cursor").textContent = parts.filter(Boolean).join(" · ");
+    const mark = data.marks.find((each) => Math.abs(each[0] - time) < near);
+    const modes = data.flights.map(({ name, modes }) => {
+      const mode = modes.find((each) => each[2] <= time && time < each[3]);
+      return mode ? (name && name + ": ") + mode[0] : "";
+    });
+    return [clock(time, 2), ...modes, mark ? mark[2] : ""];
   }
 
   // the page
@@ -334,14 +349,14 @@
   });
   document.querySelectorAll("[data-time]").forEach((button) => {
     button.addEventListener("click", () => {
-      const length = Math.min(Math.max(whole[1] / 20, 2), whole[1]);
+      const wide = Math.min(Math.max(length / 20, 2), length);
       const time = Number(button.dataset.time);
-      show(time - length / 2, time + length / 2);
+      show(time - wide / 2, time + wide / 2);
       find("#charts").scrollIntoView({ block: "start" });
     });
   });
   window.flightReport = { view, plots, show };
-  root.style.setProperty("--whole", whole[1]);
+  root.style.setProperty("--whole", length);
   find("#controls").hidden = false;
   apply();
 })();

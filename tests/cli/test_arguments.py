@@ -234,7 +234,7 @@ def test_the_help_lists_the_exit_codes(name: str, capsys: pytest.CaptureFixture[
 ADDRESSES = {
     **{
         (f"log {name}", "file"): recording
-        for name in ("info", "show", "findings", "plot", "report", "convert", "cut", "repair")
+        for name in ("info", "show", "findings", "plot", "report", "compare", "convert", "cut", "repair")
     },
     **{(f"log {name}", "output"): new_recording for name in ("convert", "cut", "merge", "repair")},
     ("log merge", "files"): recording,

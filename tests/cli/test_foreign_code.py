@@ -226,6 +226,7 @@ WORDS = {
     "docs": ["--msg-dir", "definitions"],
     "explain": ["M101"],
     "log compact": ["fleet"],
+    "log compare": ["a.ulg", "b.ulg"],
     "log convert": ["a.ulg"],
     "log cut": ["a.ulg"],
     "log findings": ["a.ulg"],

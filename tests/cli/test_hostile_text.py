@@ -73,6 +73,11 @@ CASES: dict[str, list[list[str]]] = {
     "link stop": [[NAME], ["udp://127.0.0.1:9"], [f"serial:///{FILE}"]],
     "lint": [*_each("--px4", f"{FILE}.px4", of=_FORMATS), ["--px4", f"{FILE}.px4", "--select", NAME]],
     "log compact": [[f"{FILE}.fleet"], [FILE], [NAME], [NAME, "--json"]],
+    "log compare": [
+        *_each(f"{FILE}.ulg", of=_LOGS),
+        *_each(f"{FILE}.ulg", "--json", of=_LOGS),
+        [f"{FILE}.mcap", NAME],
+    ],
     "log convert": [
         *[[*log, "-o", f"{FILE}.{number}", "--format", "csv"] for number, log in enumerate(_LOGS)],
         *[[*log, "-o", f"{FILE}.{number}", "--json"] for number, log in enumerate(_LOGS[1:3], 10)],
@@ -100,7 +105,10 @@ CASES: dict[str, list[list[str]]] = {
         [FILE, NAME, "-o", f"{FILE}.svg"],
     ],
     "log repair": _each("-o", f"{FILE}.repaired.mcap", of=_LOGS),
-    "log report": _each("-o", f"{FILE}.html", of=_LOGS),
+    "log report": [
+        *_each("-o", f"{FILE}.html", of=_LOGS),
+        *_each(f"{FILE}.ulg", "-o", f"{FILE}.html", of=_LOGS),
+    ],
     "log show": [
         *[
             [f"{FILE}.mcap", name, *more]

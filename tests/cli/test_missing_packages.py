@@ -23,6 +23,7 @@ COMMANDS = {
     "csv": ("log", "show", "flight.mcap", "vehicle_status", "-n", "1", "--csv"),
     "plot": ("log", "plot", "flight.mcap", "sensor_combined.gyro_rad", "-o", "x.png"),
     "report": ("log", "report", "flight.mcap", "-o", "x.html"),
+    "compare": ("log", "compare", "flight.mcap", "copy.mcap"),
     "parquet": ("log", "convert", "flight.mcap", "--format", "parquet", "-o", "made"),
     "arrow": ("log", "convert", "flight.mcap", "--format", "arrow", "-o", "made"),
     "comma": ("log", "convert", "flight.mcap", "--format", "csv", "-o", "made"),
@@ -51,9 +52,12 @@ MISSING = [
     ("store", "botocore", "stores"),
     ("dask", "distributed", "dask"),
     ("plot", "matplotlib", "plot"),
-    *((name, "numpy", RECORDINGS) for name in ("info", "findings", "show", "csv", "report", *TABLES)),
+    *((name, "numpy", RECORDINGS) for name in ("info", "findings", "show", "csv", "report", "compare", *TABLES)),
     *((name, "numpy", RECORDINGS) for name in (*MCAP[:-1], "play")),
-    *((name, "zstandard", RECORDINGS) for name in ("info", "findings", "show", "report", *TABLES[:3], "cut", "play")),
+    *(
+        (name, "zstandard", RECORDINGS)
+        for name in ("info", "findings", "show", "report", "compare", *TABLES[:3], "cut", "play")
+    ),
     *((name, "pyarrow", RECORDINGS) for name in TABLES),
     *((name, "mcap", RECORDINGS) for name in MCAP),
     ("store", "obstore", "stores"),

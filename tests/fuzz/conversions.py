@@ -68,6 +68,11 @@ ACTIONS = (
     "findings {}",
     f"findings {STDIN}",
     "report {} -o made.html",
+    "report {} other.mcap -o made.html",
+    "report other.mcap {} -o made.html",
+    "compare {} other.mcap",
+    "compare other.mcap {}",
+    "compare {} {}",
     f"report {STDIN} -o made.html",
 )
 WITHOUT_JSON = ("report",)

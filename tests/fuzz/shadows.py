@@ -52,6 +52,7 @@ WORDS = {
     "doctor": "--for 0.01",
     "explain": "M101",
     "log compact": "fleet",
+    "log compare": "flight.ulg flight.ulg",
     "log convert": "flight.ulg -o made",
     "log cut": "flight.ulg -o made.mcap",
     "log findings": "flight.ulg",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
@@ -14,6 +15,10 @@ from msggen.check.finding import Category, Severity
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
 
+_HEIGHT = 1.0
+"""The height in m from which a vehicle is in the air: the estimate of a vehicle that stands drifts by less."""
+_CURRENT = 2.0
+"""The age in s up to which an estimate is that of the end."""
 _SEVERE = ("emergency", "alert", "critical", "error")
 
 
@@ -40,12 +45,29 @@ def _dropouts(flight: Flight) -> Iterator[Seen]:
 
 def _end(flight: Flight) -> Iterator[Seen]:
     recorded = flight.recorded
-    landed = recorded.column("vehicle_land_detected", "landed")
-    is_armed = bool(recorded.armed) and recorded.armed[-1][1] >= recorded.duration
-    if landed and is_armed and not landed.values[-1]:
-        is_vehicles = FORMATS[recorded.log.kind].is_of_vehicle  # other recorders are ended at any time
-        level = "warning" if is_vehicles else "info"
+    states = [recorded.column("vehicle_land_detected", name) for name in ("landed", "maybe_landed", "ground_contact")]
+    is_grounded = any(each is not None and each.values[-1] for each in states)  # a rover always has ground contact
+    if is_grounded or not recorded.armed or recorded.armed[-1][1] < recorded.duration:
+        return
+    is_vehicles = FORMATS[recorded.log.kind].is_of_vehicle  # other recorders are ended at any time
+    level = "warning" if is_vehicles else "info"
+    height = _height(flight)
+    if height is None:
         yield Seen("the recording ends in the air", recorded.duration, level=level)
+        return
+    where = "in the air" if height >= _HEIGHT else "before the vehicle has disarmed"
+    text = f"the recording ends {where}, {height:.1f} m above where it armed"
+    yield Seen(text, recorded.duration, values={"height_m": height, "limit_m": _HEIGHT}, level=level)
+
+
+def _height(flight: Flight) -> float | None:
+    """Return the height in m above where the vehicle armed at the end, None if it is not known then."""
+    recorded = flight.recorded
+    down = recorded.column("vehicle_local_position", "z")
+    down = down and down.where(recorded.column("vehicle_local_position", "z_valid")).within(recorded.armed[-1:])
+    if down is None or not len(down.times) or down.times[-1] < recorded.duration - _CURRENT:
+        return None
+    return -down.growth if isfinite(down.values[-1]) else None
 
 
 def _texts(levels: tuple[str, ...], flight: Flight) -> Iterator[Seen]:
@@ -95,15 +117,15 @@ RULES = (
     ),
     FlightRule(
         "LOG_ENDS_IN_AIR",
-        "the recording ends while the vehicle flies",
+        "the recording ends while the vehicle is armed and has not landed",
         Category.FLIGHT,
         _end,
         severity=Severity.WARNING,
-        needs=(("vehicle_land_detected.landed",),),
-        uses=("vehicle_status", "actuator_armed"),
+        needs=(("vehicle_land_detected.landed",), ("vehicle_status.arming_state", "actuator_armed.armed")),
+        uses=("vehicle_local_position",),
         fix="If the vehicle crashed, the last seconds tell why, and the power may have failed. If not, the storage "
         "was full or was removed, or SDLOG_MODE ends the log in flight.",
-        example="the recording ends in the air",
+        example="the recording ends in the air, 12.3 m above where it armed",
     ),
     FlightRule(
         "ERRORS_LOGGED",

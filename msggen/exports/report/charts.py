@@ -51,12 +51,14 @@ class Line:
     label: str
     column: Column
     is_setpoint: bool = False
+    flight: int = 0
+    """The number of the flight, of two."""
 
     @property
     def table(self) -> tuple[object, ...]:
         """What lines that have the same times share."""
         times = self.column.times
-        return self.column.path.partition(".")[0], len(times), float(times[0])
+        return self.flight, self.column.path.partition(".")[0], len(times), float(times[0])
 
     @property
     def summary(self) -> tuple[float, float, float]:
@@ -250,35 +252,61 @@ _MOST_MARKS = 400
 """The texts that are marked in charts: of more, those that are warnings or worse come first."""
 _COLOURS, _SETPOINT = 10, 1
 """The number of colours of lines, and that of setpoints."""
+_OF_FLIGHTS = (0, 5, 7, 2), (1, 6, 4, 9)
+"""The colours of lines of each of two flights."""
 _WHOLE = 0xFFFF_FFFF
 _CALM = ("notice", "info", "debug", "unknown")
 
 
-def data_of(duration: float, timeline: Timeline, sections: Sequence[Section], track: Track | None) -> str:
+class Axis(NamedTuple):
+    """The time axis of a page, in s: when it begins, and how long it is."""
+
+    begin: float
+    duration: float
+
+
+class Shown(NamedTuple):
+    """A flight behind the charts and on the track. Its times are those of the axis."""
+
+    name: str
+    """"" for the only one."""
+    timeline: Timeline
+    track: Track | None
+
+
+def data_of(axis: Axis, flights: Sequence[Shown], sections: Sequence[Section]) -> str:
     """Return the data as JSON that can stand in a script element of a page."""
     made = {
-        "duration": duration,
-        "modes": [list(each) for each in timeline.modes],
-        "failsafes": [list(each) for each in timeline.failsafes],
-        "marks": _marks(timeline, duration),
-        "charts": [_chart(chart, duration) for section in sections for chart in section.charts],
-        "track": _track(track, duration),
+        "begin": axis.begin,
+        "duration": axis.duration,
+        "flights": [
+            {
+                "name": name,
+                "modes": [list(each) for each in timeline.modes],
+                "failsafes": [list(each) for each in timeline.failsafes],
+                "track": _track(track, axis),
+            }
+            for name, timeline, track in flights
+        ],
+        "marks": sorted(mark for flight in flights for mark in _marks(flight, axis, _MOST_MARKS // len(flights))),
+        "charts": [_chart(chart, axis, len(flights)) for section in sections for chart in section.charts],
     }
     text = json.dumps(made, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _marks(timeline: Timeline, duration: float) -> list[list[Any]]:
-    found = [mark for mark in timeline.marks if 0 <= mark.time <= duration]
-    chosen = sorted(found, key=lambda mark: mark.level in _CALM)[:_MOST_MARKS]
-    return [[mark.time, int(mark.level in _CALM), mark.text[:120]] for mark in sorted(chosen)]
+def _marks(flight: Shown, axis: Axis, most: int) -> list[list[Any]]:
+    found = [mark for mark in flight.timeline.marks if 0 <= mark.time - axis.begin <= axis.duration]
+    chosen = sorted(found, key=lambda mark: mark.level in _CALM)[:most]
+    front = f"{flight.name}: " if flight.name else ""
+    return [[mark.time, int(mark.level in _CALM), f"{front}{mark.text[:120]}"] for mark in chosen]
 
 
-def _chart(chart: Chart, duration: float) -> dict[str, Any]:
+def _chart(chart: Chart, axis: Axis, flights: int) -> dict[str, Any]:
     tables: dict[tuple[object, ...], list[Line]] = {}
     for line in chart.lines:
         tables.setdefault(line.table, []).append(line)
-    colours = _colours(chart.lines)
+    colours = _colours(chart.lines) if flights == 1 else _colours_of_flights(chart.lines)
     return {
         "unit": chart.unit,
         "lines": [
@@ -286,7 +314,7 @@ def _chart(chart: Chart, duration: float) -> dict[str, Any]:
             for lines in tables.values()
             for line in lines
         ],
-        "tables": [_table(lines, duration, MOST // len(tables)) for lines in tables.values()],
+        "tables": [_table(lines, axis, MOST // len(tables)) for lines in tables.values()],
     }
 
 
@@ -299,26 +327,33 @@ def _colours(lines: Sequence[Line]) -> dict[str, int]:
     return {**{line.label: _SETPOINT for line in lines if line.is_setpoint}, **found}
 
 
-def _table(lines: Sequence[Line], duration: float, most: int) -> list[Any]:
+def _colours_of_flights(lines: Sequence[Line]) -> dict[str, int]:
+    """Return the numbers of colours: cold ones for lines of the first flight, warm ones for those of the second."""
+    counts = [count() for _ in _OF_FLIGHTS]
+    return {line.label: _OF_FLIGHTS[line.flight][next(counts[line.flight]) % len(_OF_FLIGHTS[0])] for line in lines}
+
+
+def _table(lines: Sequence[Line], axis: Axis, most: int) -> list[Any]:
     """Return the times of lines that share them, and the values of each. NaN ends a line."""
     times, values = lines[0].column.times, [line.column.values for line in lines]
     kept = thinned_lines(times, values, most)
     ends = ends_of(lines, kept)
     middles = (times[kept[ends]] + times[kept[ends + 1]]) / 2
     own = np.insert(times[kept], ends + 1, middles)
-    return [_packed_times(own, duration), [_packed(np.insert(each[kept], ends + 1, np.nan)) for each in values]]
+    return [_packed_times(own, axis), [_packed(np.insert(each[kept], ends + 1, np.nan)) for each in values]]
 
 
-def _track(track: Track | None, duration: float) -> list[str] | None:
+def _track(track: Track | None, axis: Axis) -> list[str] | None:
     if track is None:
         return None
     kept = spread(track.times, MOST_OF_TRACK)
-    return [_packed_times(track.times[kept], duration), _packed(track.east[kept]), _packed(track.north[kept])]
+    return [_packed_times(track.times[kept], axis), _packed(track.east[kept]), _packed(track.north[kept])]
 
 
-def _packed_times(times: NDArray[np.float64], duration: float) -> str:
-    """Return times as shares of the duration, in steps of a uint32."""
-    shares = np.clip(times / duration, 0, 1) if duration > 0 else np.zeros(len(times))
+def _packed_times(times: NDArray[np.float64], axis: Axis) -> str:
+    """Return times as shares of the axis, in steps of a uint32."""
+    begin, duration = axis
+    shares = np.clip((times - begin) / duration, 0, 1) if duration > 0 else np.zeros(len(times))
     return b64encode(np.rint(shares * _WHOLE).astype("<u4").tobytes()).decode()
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.analysis.compare import SIDES
 from msggen.recordings.log.thinning import spread
 
 if TYPE_CHECKING:
@@ -57,20 +58,44 @@ class _Box(NamedTuple):
 
 
 def drawing_of(track: Track, timeline: Timeline) -> Drawing:
-    """Return the drawing of a track."""
+    """Return the drawing of a track, in the colours of the flight modes."""
     kept = spread(track.times, MOST)
     times, right, down = track.times[kept], track.east[kept], -track.north[kept]
+    text = (
+        f"The green ring is the first position, the red dot the last one; the colours are those of the flight modes. "
+        f"From {track.source}."
+    )
+    return _drawing([(right, down)], list(_paths(times, right, down, timeline)), text)
+
+
+def drawing_of_flights(tracks: Sequence[tuple[str, Track]], *, is_common: bool) -> Drawing:
+    """Return the drawing of the tracks of several flights, each in a colour of its own.
+
+    `is_common`: whether they are at their places on earth, and do not all begin in the middle.
+    """
+    kept = [spread(track.times, MOST // len(tracks)) for _, track in tracks]
+    lines = [(track.east[at], -track.north[at]) for (_, track), at in zip(tracks, kept, strict=True)]
+    names = [name for name, _ in tracks]
+    paths = [Path(name, SIDES.index(name), f"M{_line(*line)}") for name, line in zip(names, lines, strict=True)]
+    text = "A green ring is a first position, a red dot the last one; A is blue, B is orange. "
+    text += "Both are at their places on earth." if is_common else "Each begins at its own first position."
+    return _drawing(lines, paths, text)
+
+
+def _drawing(
+    lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], paths: Sequence[Path], text: str
+) -> Drawing:
+    right, down = np.concatenate([right for right, _ in lines]), np.concatenate([down for _, down in lines])
     box = _box(right, down)
     step = _nice(max(box.width, box.height) / _LINES)
     wide, high = np.ptp(right), np.ptp(down)
     return Drawing(
         " ".join(f"{each:.9g}" for each in box),
         _grid(box, step),
-        list(_paths(times, right, down, timeline)),
-        f"M{_point(right[0], down[0])}h0",
-        f"M{_point(right[-1], down[-1])}h0",
-        f"North is up. A square of the grid is {step:g} m wide. Green is the first position, red the last one; the "
-        f"colours are those of the flight modes. From {track.source}.",
+        paths,
+        "".join(f"M{_point(right[0], down[0])}h0" for right, down in lines),
+        "".join(f"M{_point(right[-1], down[-1])}h0" for right, down in lines),
+        f"North is up. A square of the grid is {step:g} m wide. {text}",
         f"The track: {wide:.0f} m from west to east, {high:.0f} m from south to north",
     )
 
@@ -95,9 +120,13 @@ def _paths(
         first, last = np.searchsorted(times, [begin, end])
         if first == last:
             continue
-        points = "L".join(map(_point, right[first : last + 1], down[first : last + 1]))
+        points = _line(right[first : last + 1], down[first : last + 1])
         name = timeline.mode_at(begin)
         yield Path(name or "flight mode not known", timeline.colours.get(name, _UNKNOWN), f"M{points}")
+
+
+def _line(right: NDArray[np.float64], down: NDArray[np.float64]) -> str:
+    return "L".join(map(_point, right, down))
 
 
 def _point(right: float, down: float) -> str:

@@ -14,6 +14,8 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from msggen.analysis import devices
+from msggen.analysis.facts import Fact, facts_of
 from msggen.analysis.figures import Figure, Track, duration_text, figures_of
 from msggen.analysis.finding import Findings
 from msggen.analysis.findings import findings_of
@@ -24,10 +26,11 @@ from msggen.analysis.timeline import Timeline
 from msggen.base.diagnostics import few
 from msggen.base.disk.resources import resource, template_text
 from msggen.base.version import __version__
-from msggen.exports.report.charts import Charts, charts_of, data_of
+from msggen.exports.report import charts as drawn
+from msggen.exports.report.charts import Axis, Charts, charts_of, data_of
 from msggen.exports.report.drawing import Drawing, bars, drawing_of
 from msggen.exports.report.plans import is_needed
-from msggen.exports.report.tables import Fact, changes_of, facts_of, parameters_of, topics_of
+from msggen.exports.report.tables import changes_of, parameters_of, topics_of
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -41,6 +44,13 @@ LONGEST = 500
 """The letters of a text that are shown. A page with longer ones takes a browser seconds."""
 _MOST_PROBLEMS = 100
 """The problems in the list."""
+
+
+NOTHING = (
+    "there are no samples of topics that a report shows, such as vehicle_local_position, vehicle_attitude, "
+    "vehicle_status, battery_status or sensor_combined"
+)
+"""Why there is no report."""
 
 
 class Bar(NamedTuple):
@@ -63,8 +73,47 @@ class Shown(NamedTuple):
         return self.total - len(self.rows)
 
 
+class Strip(NamedTuple):
+    """What happened in a flight over time, above the charts."""
+
+    name: str
+    """"" for the only flight."""
+    modes: Sequence[Bar]
+    failsafes: str
+    """The times of failsafes as a path, "" if there are none."""
+
+
+class Shell:
+    """What all pages of reports have: the program and its style."""
+
+    @property
+    def version(self) -> str:
+        """The version of msggen."""
+        return __version__
+
+    @property
+    def style(self) -> Markup:
+        """The style sheets."""
+        return Markup(template_text("report/uplot.css") + template_text("report/report.css"))  # noqa: S704 - our own
+
+    @property
+    def library(self) -> Markup:
+        """The script of uPlot."""
+        return Markup(template_text("report/uplot.js"))  # noqa: S704
+
+    @property
+    def program(self) -> Markup:
+        """The script of the report."""
+        return Markup(template_text("report/report.js"))  # noqa: S704
+
+    @property
+    def script_hashes(self) -> Markup:
+        """The scripts that may run, for the content security policy: no other one does."""
+        return Markup(" ".join(map(_hash, (self.library, self.program))))  # noqa: S704
+
+
 @dataclass(frozen=True)
-class Page:
+class Page(Shell):
     """What the template of a report sees."""
 
     flight: Flight
@@ -90,11 +139,6 @@ class Page:
         return self.flight.track
 
     @property
-    def version(self) -> str:
-        """The version of msggen."""
-        return __version__
-
-    @property
     def title(self) -> str:
         """The name of the recording."""
         return os.path.basename(os.path.abspath(self._log.path))
@@ -117,6 +161,11 @@ class Page:
         return [fact for fact in facts_of(self.recorded) if fact.value]
 
     @cached_property
+    def devices(self) -> list[devices.Device]:
+        """The sensors of the vehicle."""
+        return devices.devices_of(self.recorded)
+
+    @cached_property
     def figures(self) -> list[Figure]:
         """The flight in numbers."""
         return figures_of(self.recorded, self.flown)
@@ -132,23 +181,14 @@ class Page:
         return None if self.flown is None else drawing_of(self.flown, self.timeline)
 
     @property
-    def width(self) -> float:
-        """The width of bars: the duration of the log in s."""
-        return self.recorded.duration or 1.0
-
-    @cached_property
-    def modes(self) -> list[Bar]:
-        """The flight modes over time."""
-        spans: dict[str, list[tuple[float, float]]] = {}
-        for each in self.timeline.modes:
-            spans.setdefault(each.name, []).append((each.begin, each.end))
-        colours = self.timeline.colours
-        return [Bar(name, bars(found, self.width), colours[name]) for name, found in spans.items()]
+    def axis(self) -> Axis:
+        """The time axis."""
+        return Axis(0.0, self.recorded.duration or 1.0)
 
     @property
-    def failsafes(self) -> str:
-        """The times of failsafes, "" if there are none."""
-        return bars(self.timeline.failsafes, self.width)
+    def strips(self) -> list[Strip]:
+        """What happened when."""
+        return [strip_of("", self.timeline, self.axis)]
 
     @cached_property
     def marks(self) -> Shown:
@@ -201,30 +241,21 @@ class Page:
         found = (f"{each.topic}: {each.text}" if each.topic else each.text for each in self._log.problems)
         return _first(list(dict.fromkeys(found)), _MOST_PROBLEMS)
 
-    @property
-    def style(self) -> Markup:
-        """The style sheets."""
-        return Markup(template_text("report/uplot.css") + template_text("report/report.css"))  # noqa: S704 - our own
-
-    @property
-    def library(self) -> Markup:
-        """The script of uPlot."""
-        return Markup(template_text("report/uplot.js"))  # noqa: S704
-
-    @property
-    def program(self) -> Markup:
-        """The script of the report."""
-        return Markup(template_text("report/report.js"))  # noqa: S704
-
     @cached_property
     def data(self) -> Markup:
         """The data of the charts: JSON without characters of HTML."""
-        return Markup(data_of(self.recorded.duration, self.timeline, self.charts.sections, self.flown))  # noqa: S704
+        axis = Axis(0.0, self.recorded.duration)
+        flights = [drawn.Shown("", self.timeline, self.flown)]
+        return Markup(data_of(axis, flights, self.charts.sections))  # noqa: S704
 
-    @property
-    def script_hashes(self) -> Markup:
-        """The scripts that may run, for the content security policy: no other one does."""
-        return Markup(" ".join(map(_hash, (self.library, self.program))))  # noqa: S704
+
+def strip_of(name: str, timeline: Timeline, axis: Axis) -> Strip:
+    """Return what happened in a flight over time."""
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for each in timeline.modes:
+        spans.setdefault(each.name, []).append((each.begin, each.end))
+    modes = [Bar(mode, bars(found, axis.duration), timeline.colours[mode]) for mode, found in spans.items()]
+    return Strip(name, modes, bars(timeline.failsafes, axis.duration))
 
 
 def _first(rows: Sequence[Any], most: int) -> Shown:
@@ -238,16 +269,15 @@ def _hash(script: str) -> str:
 def report(log: Log) -> str:
     """Return a report on a recording as one HTML page. Raises RecordingError if it has nothing to draw."""
     with np.errstate(all="ignore"):  # damaged samples have values of any size
-        flight = flight_of(log, lambda name: is_needed(name) or name in TOPICS)
+        flight = flight_of(log, lambda name: is_needed(name) or name in TOPICS or name in devices.TOPICS)
         charts = charts_of(flight.recorded)
         if not charts.sections:
-            names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
-            raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
-        return _template().render(page=Page(flight, charts))
+            raise RecordingError(NOTHING)
+        return template_of("report").render(page=Page(flight, charts))
 
 
-def _template() -> jinja2.Template:
-    """Return the template of the page. All that it shows is escaped, and texts are cut, except for what is drawn."""
+def template_of(name: str) -> jinja2.Template:
+    """Return the template of a page. All that it shows is escaped, and texts are cut, except for what is drawn."""
     loader = jinja2.FileSystemLoader(resource("templates"))
     environment = jinja2.Environment(
         loader=loader,
@@ -260,7 +290,7 @@ def _template() -> jinja2.Template:
     environment.filters["clock"] = clock
     environment.filters["drawn"] = Markup
     environment.filters["bars"] = bars
-    return environment.get_template("report/report.html.j2")
+    return environment.get_template(f"report/{name}.html.j2")
 
 
 def _cut(value: object) -> object:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from types import ModuleType
 
-from msggen.cli.commands.log import convert, findings, fleet, info, mcap, plot, report, show
+from msggen.cli.commands.log import compare, convert, findings, fleet, info, mcap, plot, report, show
 from msggen.cli.commands.log.arguments import CODES
 from msggen.cli.options import Commands, add_group
 
-_MODULES = (info, show, findings, plot, report, convert, fleet, mcap)
+_MODULES = (info, show, findings, plot, report, compare, convert, fleet, mcap)
 """The modules of the actions, in the order of the help."""
 
 

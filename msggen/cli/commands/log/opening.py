@@ -20,6 +20,7 @@ from msggen.cli.commands.log.targets import STDIN
 from msggen.cli.options import check_parent
 from msggen.cli.packages import check_reading, import_package, missing_extra, store_errors, store_failed, topics_of
 from msggen.cli.printing import number_of_bytes
+from msggen.cli.values import recording
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -67,6 +68,23 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         except RecordingError as error:
             refuse_files(options, log)
             options.parser.error(str(error))
+
+
+def add_other(parser: argparse.ArgumentParser, *, is_needed: bool) -> None:
+    """Add the recording of a second flight."""
+    text = "recording of another flight" + ("" if is_needed else ", to show both side by side")
+    parser.add_argument("other", metavar="OTHER", type=recording, nargs=None if is_needed else "?", help=text)
+
+
+@contextmanager
+def both_opened(options: argparse.Namespace) -> Iterator[tuple[Log, Log]]:
+    """Open the recordings of two flights, as `opened` does."""
+    if options.file == options.other == STDIN:
+        options.parser.error(f"argument OTHER: only one of the recordings can be {STDIN}, stdin")
+    with opened(options, options.file) as first:
+        other = argparse.Namespace(**{**vars(options), "file": options.other})
+        with opened(other, other.file) as second:
+            yield first, second
 
 
 def _source(options: argparse.Namespace, path: str) -> str | BinaryIO:

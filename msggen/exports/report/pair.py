@@ -1,0 +1,250 @@
+"""The page of two flights side by side: what differs, and the same charts over each other."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from markupsafe import Markup
+
+from msggen.analysis.compare import SIDES, Comparison, comparable, compare
+from msggen.analysis.facts import facts_of
+from msggen.analysis.figures import Track
+from msggen.analysis.flight import Flight
+from msggen.analysis.timeline import COLOURS, Timeline
+from msggen.exports.report import charts as drawn
+from msggen.exports.report.charts import Axis, Chart, Charts, Flags, Row, Section, charts_of, data_of
+from msggen.exports.report.drawing import Drawing, drawing_of_flights
+from msggen.exports.report.page import MOST_ROWS, NOTHING, Shell, Shown, Strip, strip_of, template_of
+from msggen.exports.report.plans import is_needed
+from msggen.exports.report.tables import number
+from msggen.messages.earth import local
+from msggen.recordings.source.source import RecordingError
+
+if TYPE_CHECKING:
+    from msggen.analysis.compare import Difference
+    from msggen.recordings.log.log import Log
+
+_LOCAL = "vehicle_local_position"
+_FARTHEST = 5000.0
+"""The distance in m between the origins of two tracks from which each begins in the middle."""
+
+
+class Said(NamedTuple):
+    """A finding of a flight, or why a rule cannot say anything of it."""
+
+    side: str
+    level: str
+    text: str
+    time: float | None = None
+    """When it was, on the axis of the page."""
+
+
+@dataclass(frozen=True)
+class Both(Shell):
+    """What the template of two flights sees."""
+
+    flights: tuple[Flight, Flight]
+    comparison: Comparison
+    charts: Charts
+    shown: tuple[drawn.Shown, ...]
+    """What is behind the charts, with the times of the page."""
+
+    @property
+    def title(self) -> str:
+        """The names of the recordings."""
+        return " and ".join(os.path.basename(os.path.abspath(each.log.path)) for each in self.flights)
+
+    @property
+    def leads(self) -> Iterator[str]:
+        """Each flight in one line."""
+        for side, flight in zip(SIDES, self.flights, strict=True):
+            facts = {fact.name: fact.value for fact in facts_of(flight.recorded)}
+            name = os.path.basename(os.path.abspath(flight.log.path))
+            parts = name, facts["Vehicle"], facts["Start"], facts["Firmware"]
+            yield f"{side}: {' · '.join(filter(None, parts))}"
+
+    @property
+    def axis(self) -> Axis:
+        """The time axis: 0 is the moment at which the flights are compared."""
+        moments = self.comparison.moment.first, self.comparison.moment.second
+        begin = -max(moments)
+        end = max(flight.duration - moment for flight, moment in zip(self.flights, moments, strict=True))
+        return Axis(begin, end - begin or 1.0)
+
+    @property
+    def strips(self) -> list[Strip]:
+        """What happened in each flight."""
+        return [strip_of(each.name, each.timeline, self.axis) for each in self.shown]
+
+    @property
+    def told(self) -> Sequence[tuple[str, Sequence[Said]]]:
+        """The findings of one flight, and those of both, each below a heading."""
+        found = self.comparison.findings
+        groups = ("In one flight", True), ("In both flights", False)
+        told = ((title, list(self._told(is_of_one=is_of_one))) for title, is_of_one in groups)
+        return [each for each in told if each[1]] if found else []
+
+    def _told(self, *, is_of_one: bool) -> Iterator[Said]:
+        moment = self.comparison.moment
+        for told in self.comparison.findings:
+            if told.is_of_one is not is_of_one:
+                continue
+            sides = zip(SIDES, (told.first, told.second), (moment.first, moment.second), told.unsaid, strict=True)
+            for side, findings, start, reason in sides:
+                for each in findings:
+                    yield Said(side, each.level, each.text, None if each.time is None else each.time - start)
+                if reason and not findings:
+                    yield Said(side, "info", f"does not tell: {reason}")
+
+    @cached_property
+    def parameters(self) -> Shown:
+        """The first parameters that differ, as texts."""
+        rows = [
+            each._replace(first=_text(each.first), second=_text(each.second)) for each in self.comparison.parameters
+        ]
+        return Shown(rows[:MOST_ROWS], len(rows))
+
+    @property
+    def rates(self) -> list[Difference]:
+        """The topics whose rates differ, as texts in Hz."""
+        return [each._replace(first=f"{each.first:.1f}", second=f"{each.second:.1f}") for each in self.comparison.rates]
+
+    @cached_property
+    def topics(self) -> Sequence[tuple[str, Shown]]:
+        """The topics that only one flight has, by its name."""
+        found = zip(SIDES, self.comparison.topics, strict=True)
+        return [(side, Shown(names[:MOST_ROWS], len(names))) for side, names in found if names]
+
+    @property
+    def problems(self) -> Shown:
+        """The first problems of the recordings."""
+        logs = zip(SIDES, (flight.log for flight in self.flights), strict=True)
+        found = list(dict.fromkeys(f"{side}: {each.text}" for side, log in logs for each in log.problems))
+        return Shown(found[:MOST_ROWS], len(found))
+
+    @cached_property
+    def track(self) -> Drawing | None:
+        """The tracks, None if neither flight has positions."""
+        tracks = [(each.name, each.track) for each in self.shown if each.track is not None]
+        is_common = len(tracks) > 1 and _offset(*self.flights) is not None
+        return drawing_of_flights(tracks, is_common=is_common) if tracks else None
+
+    @cached_property
+    def data(self) -> Markup:
+        """The data of the charts: JSON without characters of HTML."""
+        return Markup(data_of(self.axis, self.shown, self.charts.sections))  # noqa: S704
+
+
+def report_of_both(*logs: Log) -> str:
+    """Return a report on two flights as one HTML page. Raises RecordingError if it has nothing to draw."""
+    with np.errstate(all="ignore"):  # damaged samples have values of any size
+        first, second = (comparable(log, is_needed) for log in logs)
+        comparison = compare(first, second)
+        moments = comparison.moment.first, comparison.moment.second
+        charts = _over_each_other([charts_of(each.recorded) for each in (first, second)], moments)
+        if not charts.sections:
+            raise RecordingError(NOTHING)
+        page = Both((first, second), comparison, charts, tuple(_shown((first, second), moments)))
+        return template_of("both").render(page=page)
+
+
+def _shown(flights: tuple[Flight, Flight], moments: tuple[float, float]) -> Iterator[drawn.Shown]:
+    """Yield what is drawn of each flight, with the times of the page; a flight mode has the same colour in both."""
+    names = list(dict.fromkeys(name for flight in flights for name in flight.timeline.colours))
+    tracks = _tracks(*flights)
+    for side, flight, moment, track in zip(SIDES, flights, moments, tracks, strict=True):
+        timeline = flight.timeline
+        modes = [
+            each._replace(begin=each.begin - moment, end=each.end - moment, colour=names.index(each.name) % COLOURS)
+            for each in timeline.modes
+        ]
+        failsafes = [(begin - moment, end - moment) for begin, end in timeline.failsafes]
+        marks = [mark._replace(time=mark.time - moment) for mark in timeline.marks]
+        moved = None if track is None else track._replace(times=track.times - moment)
+        yield drawn.Shown(side, Timeline(modes, failsafes, marks), moved)
+
+
+def _tracks(first: Flight, second: Flight) -> tuple[Track | None, Track | None]:
+    """Return the tracks from the first position of the first flight, or each from its own."""
+    one, other = first.track, second.track
+    offset = _offset(first, second)
+    if one is None or other is None or offset is None:
+        return _moved(one), _moved(other)
+    east, north = float(one.east[0]), float(one.north[0])
+    return _moved(one), other._replace(east=other.east + offset[0] - east, north=other.north + offset[1] - north)
+
+
+def _moved(track: Track | None) -> Track | None:
+    """Return a track that begins in the middle."""
+    return track and track._replace(east=track.east - track.east[0], north=track.north - track.north[0])
+
+
+def _offset(first: Flight, second: Flight) -> tuple[float, float] | None:
+    """Return how far the origin of the second track is to the east and north of that of the first one, in m.
+
+    None if the recordings do not tell it, or if it is far.
+    """
+    here, there = _origin(first), _origin(second)
+    if here is None or there is None:
+        return None
+    north, east = local(here, *there)
+    return (east, north) if np.hypot(east, north) < _FARTHEST else None
+
+
+def _origin(flight: Flight) -> tuple[float, float] | None:
+    """Return the latitude and longitude in degrees of the origin of a track, None if the recording does not tell it."""
+    if flight.track is None or flight.track.source != _LOCAL:
+        return None
+    valid = flight.recorded.column(_LOCAL, "xy_global")
+    columns = [flight.recorded.column(_LOCAL, name) for name in ("ref_lat", "ref_lon")]
+    found = [each.where(valid).finite for each in columns if each is not None]
+    return (float(found[0][-1]), float(found[1][-1])) if len(found) > 1 and all(map(len, found)) else None
+
+
+def _over_each_other(both: Sequence[Charts], moments: tuple[float, float]) -> Charts:
+    """Return the charts of two flights over each other: those with the same titles."""
+    titles = dict.fromkeys(section.title for charts in both for section in charts.sections)
+    sections: list[Section] = []
+    for title in titles:
+        found = [next((each for each in charts.sections if each.title == title), None) for charts in both]
+        charts: dict[str, Chart] = {}
+        flags: dict[str, Flags] = {}
+        for place, section in enumerate(found):
+            for chart in section.charts if section else ():
+                lines = [_line(line, place, moments[place]) for line in chart.lines]
+                before = charts.get(chart.title, chart._replace(lines=()))
+                charts[chart.title] = before._replace(lines=[*before.lines, *lines])
+            for each in section.flags if section else ():
+                rows = [_row(row, place, moments[place]) for row in each.rows]
+                known = flags.get(each.title, Flags(each.title, ()))
+                flags[each.title] = Flags(each.title, [*known.rows, *rows], known.left_out + each.left_out)
+        sections.append(Section(title, list(charts.values()), list(flags.values())))
+    return _numbered(sections, both)
+
+
+def _numbered(sections: Sequence[Section], both: Sequence[Charts]) -> Charts:
+    """Return sections with the numbers of their charts, and what neither flight has."""
+    numbered, number_ = [], 0
+    for section in sections:
+        charts = [chart._replace(number=place) for place, chart in enumerate(section.charts, number_)]
+        number_ += len(charts)
+        numbered.append(section._replace(charts=charts))
+    return Charts(numbered, [each for each in both[0].missing if each in both[1].missing])
+
+
+def _line(line: drawn.Line, place: int, moment: float) -> drawn.Line:
+    column = line.column._replace(times=line.column.times - moment)
+    return replace(line, label=f"{SIDES[place]} {line.label}", column=column, flight=place)
+
+
+def _row(row: Row, place: int, moment: float) -> Row:
+    return Row(f"{SIDES[place]} {row.name}", [(begin - moment, end - moment) for begin, end in row.spans])
+
+
+def _text(value: str | float | None) -> str:
+    return "-" if value is None else value if isinstance(value, str) else number(value)
