@@ -53,7 +53,6 @@ def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str
     """With limits, it needs the home position at once, which PX4 does not repeat."""
     with ready(url, px4_types, way, QUICK) as (simulator, program):
         follows(simulator, program, FlyingProgram(url, px4_types, way), is_lost=False, goes_on=True)
-        assert simulator.vehicles[0].world.flight.velocity[0] > 1.0
 
 
 @pytest.mark.night
@@ -87,6 +86,7 @@ def follows(
         assert commander(simulator).mode == EXTERNAL
         assert commander(simulator).executor_in_charge == in_charge
         assert any("return" in each.text for each in vehicle.changes) == is_lost
+        until(lambda: vehicle.world.flight.velocity[0] > 1.0)
         following.signal(signal.SIGTERM)
     else:
         assert "the vehicle has left this mode of an earlier program in flight" in following.wait("RegistrationError")
