@@ -17,6 +17,7 @@ from msggen.flight.measured import Measuring, Sample
 from msggen.flight.measurements import Fusion, Measurements
 from msggen.flight.offboard import Offboard
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
+from msggen.flight.setpoints import check_seconds
 from msggen.flight.space import Frame
 from msggen.flight.telemetry import Telemetry
 from msggen.flight.trajectory import Steered, Trajectory
@@ -102,6 +103,7 @@ class BlockingFlight(FlightCalls):
 
     def sleep(self, seconds: float) -> None:
         """Wait. In Offboard mode, the setpoint is still sent. During `time.sleep`, it is sent for 0.5 s at most."""
+        check_seconds(seconds, "a time")
         self._wait(asyncio.sleep(seconds))
 
     @contextmanager

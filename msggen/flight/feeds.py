@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable, Container
 from contextlib import suppress
 from typing import Any, Final, TypeVar
@@ -71,6 +72,8 @@ class Feed:
         return await self._next(self._loop.create_future(), condition, timeout)
 
     async def _next(self, future: asyncio.Future[Any], condition: Condition, timeout: float | None) -> Any:
+        if timeout is not None and math.isnan(timeout):
+            raise ValueError("expected a timeout in s, got nan")
         self._waiting[future] = condition
         timer = None if timeout is None else self._loop.call_later(timeout, self._give_up, future)
         try:
@@ -182,6 +185,19 @@ class Feeds:
         for feed in self._feeds.values():
             feed.close()
         self._feeds.clear()
+
+
+async def first(*coroutines: Any) -> None:
+    """Run coroutines until the first one ends, and end the others. Raises what that one raises."""
+    tasks = [asyncio.ensure_future(each) for each in coroutines]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for each in done:
+            each.result()
+    finally:
+        for each in tasks:
+            each.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _answer(future: asyncio.Future[Any], condition: Condition, message: Any) -> None:

@@ -19,7 +19,7 @@ from msggen.flight.places import GlobalPlace, local_place
 from msggen.flight.requirements import Requirement, named
 from msggen.flight.rovers import Driven
 from msggen.flight.sending import Registered
-from msggen.flight.setpoints import finite, in_range
+from msggen.flight.setpoints import check_seconds, finite, in_range
 from msggen.flight.space import Vector, heading_of, turned, turned_heading
 from msggen.flight.telemetry import Telemetry, is_estimate, no_estimate, valid_estimate
 from msggen.flight.trajectory import Steered, Trajectory
@@ -189,8 +189,10 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
 
         On wings, the vehicle circles to the right: around the place that `goto` has reached, if it has.
 
-        Raises NoAnswerError without a valid position, and UnsupportedError if no declared kind of setpoints holds it.
+        Raises ValueError, NoAnswerError without a valid position, and UnsupportedError if no declared kind of setpoints
+        holds it.
         """
+        check_seconds(seconds, "a time")
         await self._estimate()
         self._own.hold()
         await asyncio.sleep(seconds)

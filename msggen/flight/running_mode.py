@@ -112,8 +112,9 @@ class ActiveMode(Active):
     def send_each(self, kind: Kind, values: Values) -> None:
         """Send a setpoint from now on.
 
-        Raises NotReachedError unless `fly` runs, LimitError, UnsupportedError for a kind that the mode does not declare
-        or the vehicle does not follow, and FlightError during a transition.
+        Raises NotReachedError unless `fly` runs, and on the ground for a kind that does not lift, LimitError,
+        UnsupportedError for a kind that the mode does not declare or the vehicle does not follow, and FlightError
+        during a transition.
         """
         self._check_sent(kind)
         self._steering.set(kind, values)
@@ -170,10 +171,9 @@ class ActiveMode(Active):
         self._check_flying()
         check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest, self._topics)
         check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
+        self._begins_on_ground = self._begins_on_ground and self._is_stuck()
         if self._begins_on_ground and kind.is_placed:
-            self._begins_on_ground = False
-            if self._is_stuck():
-                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
+            raise NotReachedError(f"mode {self.mode.name!r} is on the ground, and {kind.name} {NO_LIFT}")
 
     def _is_stuck(self) -> bool:
         """Whether the vehicle is on the ground and needs a takeoff."""

@@ -47,6 +47,12 @@ def in_range(value: float, least: float, what: str) -> float:
     return value
 
 
+def check_seconds(seconds: float, what: str) -> None:
+    """Raise ValueError for what is no time in s to wait, such as NaN: asyncio would wait for ever."""
+    if not seconds >= 0.0:
+        raise ValueError(f"expected {what} in s, got {seconds:g}")
+
+
 class Configuration:
     """The configuration of the setpoints of a mode in PX4."""
 

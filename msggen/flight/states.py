@@ -45,6 +45,11 @@ def is_on_wings(status: Any) -> bool:
     return bool(status.vehicle_type == FIXED_WING)
 
 
+def is_plane(status: Any) -> bool:
+    """Whether the vehicle is a fixed-wing aircraft, and no VTOL."""
+    return is_on_wings(status) and not status.is_vtol
+
+
 def is_rover(status: Any) -> bool:
     """Whether the vehicle is a rover."""
     return bool(status.vehicle_type == ROVER)

@@ -10,9 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.flight.blocking import BlockingFlight
 from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.flight import Flight
+from msggen.flight.missions import ActionItem, Mission, Plan
 from msggen.flight.mode import Mode
+from msggen.flight.pytest import SimVehicle
 from msggen.messages.setpoints import ATTITUDE, RATES
 from support.examples import examples
 from support.flown import Flown, fly
@@ -169,5 +172,33 @@ def test_a_mode_that_cannot_hold_says_so(px4_types: Any, caplog: pytest.LogCaptu
         await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
 
     fly(px4_types, program)
-    assert "add GOTO or TRAJECTORY to its `setpoints`" in caplog.text
+    assert "for a multicopter, declare `setpoints = (GOTO, TRAJECTORY)`" in caplog.text
     assert UnsupportedError.__name__ in caplog.text
+
+
+def test_a_time_that_is_none_is_an_error_and_not_waited_for(px4_types: Any) -> None:
+    """asyncio would wait for ever."""
+
+    class Holds(Mode):
+        async def fly(self) -> None:
+            for wrong in (math.nan, -1.0):
+                with pytest.raises(ValueError, match="expected a time in s, got"):
+                    await self.hold(wrong)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Holds)
+        await vehicle.in_air(flight, 3.0)
+        await flight.fly(Holds)
+        await flight.hold()
+        with pytest.raises(ValueError, match="a timeout above 0 s, got nan"):
+            await flight.to_fixed_wing(timeout=math.nan)
+        with pytest.raises(ValueError, match="a timeout in s, got nan"):
+            await flight.wait_for_status(lambda _: False, math.nan)
+        mission = Mission(Plan((ActionItem("rtl"),)))
+        mission._path = "survey.json"
+        with pytest.raises(ValueError, match="a period in s, got nan"):
+            await mission.follow(math.nan)
+
+    fly(px4_types, program)
+    with BlockingFlight(SimVehicle(px4_types)) as flight, pytest.raises(ValueError, match="a time in s, got nan"):
+        flight.sleep(math.nan)

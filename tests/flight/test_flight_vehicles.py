@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+import random
 import re
 from functools import partial
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import msggen.flight
 from msggen.flight.errors import FlightError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.followers import use_for
 from msggen.flight.mode import Mode
-from msggen.messages.setpoints import ATTITUDE, FIXED_WING, KINDS, SENT, Kind
+from msggen.generate.cache import package_of
+from msggen.messages.setpoints import ATTITUDE, FIXED_WING, GOTO, KINDS, ROVER, SENT, TRAJECTORY, Kind
 from msggen.messages.vehicle_types import FIXED_WING as WINGS
 from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.sim import Options
-from support.examples import examples
+from support.examples import by_day
 from support.flown import EXTERNAL, Flown, Sent, fly
 from support.kinds import RELEASES, VEHICLES, followed, in_air, is_bridged, send
 
@@ -170,69 +170,142 @@ class Watched(Flown):
         return [(each, mode) for each, mode in found if each.topic in topics and each.time > begin]
 
 
-KINDS_OF = [(vehicle, kind) for vehicle in VEHICLES for kind in followed(vehicle, "v1.18")]
+class Case(NamedTuple):
+    """A mode that sends, and how it ends or stops to send."""
+
+    release: str
+    vehicle: str
+    doing: str
+    """A kind of setpoints, or `forward` or `back`: a transition of a VTOL."""
+    way: str
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """What the mode declares."""
+        return followed(self.vehicle, self.release)
+
+    @property
+    def kind(self) -> Kind | None:
+        """The kind of the setpoints, None in a transition."""
+        return next((each for each in self.kinds if each.name == self.doing), None)
 
 
-@settings(max_examples=examples(80, by_day=8))
-@given(
-    of=st.sampled_from(KINDS_OF),
-    how=st.sampled_from(["pilot", "hangs", "unheard", "closes"]),
-    after=st.floats(0.3, 1.5),
-    seconds=st.floats(0.6, 4.0),
-)
-def test_nothing_is_sent_after_the_end_of_the_mode_or_while_the_program_hangs(
-    px4_types: Any, of: tuple[str, Kind], how: str, after: float, seconds: float
-) -> None:
-    """For every kind and vehicle: setpoints come only in the mode, and none is 0.5 s late. Replies end, too."""
-    vehicle, kind = of
-    kinds = followed(vehicle, "v1.18")
+def all_cases() -> list[Case]:
+    """Return each kind, vehicle and end in the first and in the newest release, so that a few are of all sorts."""
+    found = []
+    for release in (min(RELEASES), max(RELEASES)):
+        for vehicle in VEHICLES:
+            kinds = followed(vehicle, release)
+            names = [each.name for each in kinds] + ["forward", "back"] * ({GOTO, FIXED_WING} <= {*kinds})
+            found += [Case(release, vehicle, name, way) for name in names for way in ENDS]
+    random.Random(1).shuffle(found)  # noqa: S311 - not for secrets
+    return found
 
-    class Sends(Mode, name="Sends"):
-        setpoints = kinds
 
-        async def fly(self) -> None:
-            if kind == FIXED_WING and flown.world.airframe.is_vtol:
-                await self.to_fixed_wing()
-            is_ready.set()
-            await send(self, kind, 1000.0)
+ENDS = ("pilot", "hangs", "unheard", "closes", "returns", "raises")
+CASES = all_cases()
+HOLDING = {topic for kind in (GOTO, TRAJECTORY, FIXED_WING, *ROVER) for topic in kind.topics}
 
-    flown: Any = None
-    is_ready: Any = None
 
-    async def program(flight: Flight, found: Flown) -> tuple[float, float]:
-        nonlocal flown, is_ready
-        flown, is_ready = found, asyncio.Event()
+class Ending:
+    """The flight of a case."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        times = random.Random("-".join(case))  # noqa: S311 - not for secrets
+        self.after, self.seconds = times.uniform(0.3, 1.5), times.uniform(0.6, 4.0)
+        self.begin = self.end = 0.0
+        """When the mode ends, and when what ended it is over."""
+        self.flown: Any = None
+
+    async def program(self, flight: Flight, flown: Flown) -> None:
+        """Fly, and end."""
+        asyncio.get_running_loop().set_exception_handler(lambda *_: None)
+        self.flown, is_ready = flown, asyncio.Event()
+
+        class Sends(Mode, name="Sends"):
+            setpoints = self.case.kinds
+
+            async def fly(mode) -> None:  # noqa: N805 - self is another one
+                await self.fly(mode, is_ready)
+
         await flight.add(Sends)
-        await in_air(flight, found)
+        await in_air(flight, flown)
         await flight.set_mode(EXTERNAL)
         await is_ready.wait()
-        await asyncio.sleep(after)
-        begin = found.time / 1e6
-        if how == "pilot":
-            found.choose(HOLD)
-        elif how == "hangs":
-            found.hang(seconds)
-        elif how == "unheard":
-            found.lost |= {each.uorb_topic for each in px4_types.topics.ENDPOINTS if each.direction == "out"}
-        else:
-            flight.close()
-        end = found.time / 1e6
+        await asyncio.sleep(self.after)
+        self.begin = flown.time / 1e6
+        match self.case.way:
+            case "pilot":
+                flown.choose(HOLD)
+            case "hangs":
+                flown.hang(self.seconds)
+            case "unheard":
+                topics = flown.package.topics.ENDPOINTS
+                flown.lost |= {each.uorb_topic for each in topics if each.direction == "out"}
+            case "closes":
+                flight.close()
+            case _:
+                await asyncio.sleep(self.seconds)
+                flown.choose(HOLD)
+        self.end = flown.time / 1e6
         await asyncio.sleep(3.0)
-        return begin, end
 
-    begin, end = fly(px4_types, program, Options(vehicle=vehicle), made=Watched)
-    late = flown.of(TOPICS, begin)
-    if how == "pilot":
-        assert all(each.time < begin + 0.25 for each, _ in late)  # PX4 tells its status at 5 Hz
-    elif how == "closes":
-        assert not late
-    elif how == "unheard":
-        assert all(each.time < begin + 2.2 for each, _ in late)  # PX4 tells its status at 2 Hz
-        assert all(each.time < begin + 2.2 for each, _ in flown.of({"arming_check_reply"}, begin))
-    else:
-        assert not [each for each, _ in late if begin + 0.5 < each.time < end]
-        assert not [each for each, _ in flown.of({"arming_check_reply"}, begin + 0.01) if each.time < end]
-        assert all(mode == EXTERNAL for each, mode in late if each.time > begin + 0.5)
+    async def fly(self, mode: Mode, is_ready: asyncio.Event) -> None:
+        """Send."""
+        doing, kind, way = self.case.doing, self.case.kind, self.case.way
+        if self.flown.world.airframe.is_vtol and (doing == "back" or kind == FIXED_WING):
+            await mode.to_fixed_wing()
+        is_ready.set()
+        change = mode.to_fixed_wing if doing == "forward" else mode.to_multicopter
+        sending = asyncio.ensure_future(change() if kind is None else send(mode, kind, 1000.0))
+        await asyncio.sleep(self.after if way in {"returns", "raises"} else 1000.0)
+        sending.cancel()
+        if way == "raises":
+            raise ArithmeticError("planned")
+
+    def check(self) -> None:
+        """Check what was sent since."""
+        begin, end = self.begin, self.end
+        late = self.flown.of(TOPICS, begin)
+        replies = self.flown.of({"arming_check_reply"}, begin + 0.01)
+        match self.case.way:
+            case "pilot":
+                assert all(each.time < begin + 0.25 for each, _ in late)  # PX4 tells its status at 5 Hz
+            case "closes":
+                assert not late
+            case "unheard":
+                assert all(each.time < begin + 2.2 for each, _ in late + replies)  # PX4 tells its status at 2 Hz
+            case "hangs":
+                assert not [each for each, _ in late if begin + 0.5 < each.time < end]
+                assert not [each for each, _ in replies if each.time < end]
+                assert all(mode == EXTERNAL for each, mode in late if each.time > begin + 0.5)
+            case _:
+                left = next((each.time for each, mode in replies if mode != EXTERNAL), end)
+                assert all(each.time < left + 0.25 for each, _ in late)
+                self.check_holds([each for each, _ in late if each.time > begin + 0.05])
+
+    def check_holds(self, late: list[Sent]) -> None:
+        """Check that a mode that has ended only holds: its own setpoint is not sent any more."""
+        assert {each.topic for each in late} <= HOLDING
+        kind = self.case.kind
+        if kind is not None:
+            before = [each for each in self.flown.sent if each.topic == kind.topic and each.time < self.begin - 0.1]
+            assert not [each for each in late if each.topic == kind.topic and is_same(each.message, before[-1].message)]
+
+
+@by_day("case", CASES, 80, ids=["-".join(each) for each in CASES])
+def test_nothing_is_sent_after_the_end_of_the_mode_or_while_the_program_hangs(case: Case) -> None:
+    """Setpoints come only in the mode, and none is 0.5 s late. Replies end, too. A mode that has ended only holds."""
+    ending = Ending(case)
+    fly(package_of(case.release), ending.program, Options(vehicle=case.vehicle), made=Watched)
+    ending.check()
+
+
+def is_same(one: Any, other: Any) -> bool:
+    """Whether two setpoints are the same, whenever they were sent."""
+    names = [each.name for each in type(one).__msg__.fields if not each.name.startswith("timestamp")]
+    return all(repr(getattr(one, name)) == repr(getattr(other, name)) for name in names)
 
 
 def test_the_errors_say_what_to_use_instead(px4_types: Any) -> None:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msggen.flight.connection import Topics
 from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
@@ -256,6 +257,60 @@ def test_goto_on_the_ground_is_an_error(px4_types: Any) -> None:
         assert not vehicle.times(LATERAL)  # so that the propeller stands
 
     fly(px4_types, program, PLANE)
+
+
+def test_a_course_on_the_ground_is_an_error(types: Any) -> None:
+    class Forgets(Glides):
+        async def fly(self) -> None:
+            self.fixed_wing(course_deg=0.0, height_rate=2.0)
+            await asyncio.sleep(100.0)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Forgets)
+        await flight.arm()
+        with pytest.raises(NotReachedError, match=r"fixed-wing does not lift .*`await flight.takeoff\("):
+            await flight.fly(Forgets)
+        assert not vehicle.times(LATERAL)
+
+    if Topics(types).takes(FIXED_WING):
+        fly(types, program, PLANE)
+
+
+@pytest.mark.parametrize("mode", ["hold", "land", "return"])
+def test_a_plane_that_has_not_taken_off_is_told(types: Any, mode: str) -> None:
+    """PX4 disarms other vehicles then, and a plane never."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.arm()
+        await flight.set_mode(mode)
+        begin = vehicle.time
+        with pytest.raises(FlightError, match=r"has not taken off.*`await flight.takeoff\(30.0\)` before, or `await"):
+            await asyncio.wait_for(flight.wait_disarmed(), 60.0)
+        assert vehicle.time - begin < 15e6
+        disarmed = asyncio.ensure_future(flight.wait_disarmed())
+        await asyncio.sleep(9.0)
+        await flight.disarm()
+        await disarmed
+
+    fly(types, program, PLANE)
+
+
+def test_a_plane_that_returns_circles(types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.arm()
+        await flight.takeoff(30.0)
+        home = vehicle.world.home
+        await flight.goto(latitude=home.latitude + 0.003, longitude=home.longitude, altitude=home.altitude + 40.0)
+        await asyncio.wait_for(flight.return_home(), 300.0)
+        assert vehicle.world.mode == 5
+        assert math.hypot(*vehicle.world.flight.position[:2]) < 110.0
+        await flight.land()
+        await flight.wait_disarmed()
+
+    fly(types, program, PLANE)
+    assert (
+        "the return has ended in a circle, and PX4 does not land the plane: `await flight.land()` does" in caplog.text
+    )
 
 
 def test_it_circles_until_the_first_setpoint_and_when_it_holds(px4_types: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 
 from msggen.flight.checks import Problem
 from msggen.flight.errors import LimitError, NoAnswerError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Feeds, first
 from msggen.flight.missions.plan import Settings
 from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace, local_place
@@ -162,16 +161,3 @@ def _is_due(  # noqa: PLR0913 - a place, and what counts
 
 def _apart(one: Vector, other: Vector, *, is_level: bool) -> float:
     return math.dist(one[:2], other[:2]) if is_level else one.distance(other)
-
-
-async def first(*coroutines: Any) -> None:
-    """Run coroutines until the first one ends, and end the others. Raises what that one raises."""
-    tasks = [asyncio.ensure_future(each) for each in coroutines]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for each in done:
-            each.result()
-    finally:
-        for each in tasks:
-            each.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)

@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
+from msggen.flight.feeds import first
 from msggen.flight.missions.built_in import BUILT_IN, LANDINGS, TAKEOFF
 from msggen.flight.missions.handler import (
     Action,
@@ -22,10 +23,11 @@ from msggen.flight.missions.handler import (
     MissionError,
     Progress,
 )
-from msggen.flight.missions.legs import MissionMode, first
+from msggen.flight.missions.legs import MissionMode
 from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Item, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
+from msggen.flight.setpoints import check_seconds
 from msggen.flight.states import is_disarmed
 from msggen.flight.telemetry import is_landed
 
@@ -141,10 +143,11 @@ class Mission(Executor):
 
         A broken file is told, and the mission stays as it was. One that is flown changes when it has ended.
 
-        Raises FlightError for a mission that was not loaded from a file.
+        Raises FlightError for a mission that was not loaded from a file, and ValueError.
         """
         if not self._path:
             raise FlightError(f"mission {self._mode.name!r} has no file to follow: `Mission.load(path)` reads one")
+        check_seconds(period, "a period")
         while True:
             await asyncio.sleep(period)
             found = _stamp(self._path)
