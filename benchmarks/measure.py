@@ -12,10 +12,11 @@ import tables
 from effort import FULL, QUICK
 from environment import ROOT
 from goals import goals, summary
-from page import WIDTH, Section, page
+from page import WIDTH, Section, kept, page
 from results import Results, collect
 
 DOCS = ROOT / "docs"
+PAGE = DOCS / "benchmarks.md"
 
 
 def main() -> None:
@@ -28,7 +29,7 @@ def main() -> None:
             table.show(console)
     short = summary(list(goals(results)))
     files = {DOCS / "benchmarks" / f"{name}.svg": text for name, text in drawn(results).items()}
-    files[DOCS / "benchmarks.md"] = page(short, sections(results))
+    files[PAGE] = page(short, sections(results)) + kept(PAGE.read_text(encoding="utf-8"))
     if quick:
         console.print("This quick run only shows that everything works.")
     else:

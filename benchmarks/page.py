@@ -23,6 +23,9 @@ WIDTH = 180
 SHOWN = ("SensorCombined", "VehicleLocalPosition", "EscStatus")
 """The messages with a row on the page, if a table has means of more: a small, a large and a nested one."""
 
+KEPT = "Simulated vehicles"
+"""The last section, which is of simulated.py."""
+
 RATIOS = """\
 A ratio is the time of another package divided by the time of msggen, unless the column head says otherwise. Means are
 over all messages, of which the charts have a dot each. The terminal prints all rows."""
@@ -71,6 +74,11 @@ def page(summary: Table, sections: Sequence[Section]) -> str:
 def _short(table: Table) -> Table:
     rows = [row for row in table.rows if row[0] in SHOWN]
     return table._replace(rows=rows) if table.means else table
+
+
+def kept(text: str) -> str:
+    """Return the part of a page that simulated.py writes, "" if there is none."""
+    return "".join(text.partition(f"\n## {KEPT}\n")[1:])
 
 
 def printed(table: Table) -> str:

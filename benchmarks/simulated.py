@@ -2,6 +2,7 @@
 
     python benchmarks/simulated.py            half a minute
     python benchmarks/simulated.py --quick    checks in a few seconds that it works
+    python benchmarks/simulated.py --write    writes the table to docs/benchmarks.md, too
 
 `alone` is the flight that `msggen sim --log` writes. In `one process`, a program answers the arming checks of its mode
 and sends 30 setpoints a second of the vehicle's time, through the agent and without sockets: to each kind of vehicle.
@@ -15,10 +16,12 @@ import argparse
 import contextlib
 import importlib
 import math
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from environment import ROOT
@@ -28,6 +31,7 @@ from msggen.link.udp import UdpLink
 from msggen.link.xrce.agent import Agent
 from msggen.sim import Options, SimulatedVehicle
 from msggen.sim.alone import BOOT, LoneFlight
+from page import KEPT, kept, machine
 from tables import Table
 
 sys.path.insert(0, str(ROOT / "generated"))
@@ -68,24 +72,33 @@ LEVEL = {
         "acceleration": (0.0, 0.0, math.nan),
     }
 }
+THERE_BY_WINGS = Trip(TAKEOFF | COMMANDS | {ACTIVATION + 1: (3000, 4.0)}, 4, {**LEVEL, **NORTH})
+DRIVE = Trip(
+    COMMANDS,
+    7,
+    {
+        "rover_position_setpoint": {
+            "position_ned": (20.0, 0.0),
+            "start_ned": (math.nan, math.nan),
+            **dict.fromkeys(("cruising_speed", "arrival_speed", "yaw"), math.nan),
+        }
+    },
+)
 TRIPS: Mapping[str, Trip] = {
     "multicopter": Trip(TAKEOFF | COMMANDS, 2, {"goto_setpoint": {"position": (20.0, 0.0, -10.0)}}),
     "plane": Trip(TAKEOFF | COMMANDS, 3, NORTH),
-    "vtol": Trip(TAKEOFF | COMMANDS | {ACTIVATION + 1: (3000, 4.0)}, 4, {**LEVEL, **NORTH}),
-    "rover": Trip(
-        COMMANDS,
-        7,
-        {
-            "rover_position_setpoint": {
-                "position_ned": (20.0, 0.0),
-                "start_ned": (math.nan, math.nan),
-                **dict.fromkeys(("cruising_speed", "arrival_speed", "yaw"), math.nan),
-            }
-        },
-    ),
+    "vtol": THERE_BY_WINGS,
+    "tailsitter": THERE_BY_WINGS,
+    "rover": DRIVE,
+    "differential": DRIVE,
 }
 """By kinds of vehicles."""
 ADDRESS = ("127.0.0.1", 40_000)
+PAGE = ROOT / "docs" / "benchmarks.md"
+HOW = """\
+`alone` is a flight without programs, as `msggen sim --log` writes it. `one process` is a program and a vehicle without
+sockets: it answers arming checks, and sends 30 setpoints a second of the vehicle's time. A vehicle behind `sockets` is
+another process. Processor time counts, except for sockets."""
 
 
 class Quiet:
@@ -171,11 +184,13 @@ def one_process(seconds: float, kind: str = "multicopter") -> tuple[float, float
     options = Options(vehicle=kind, sync="off")
     vehicle, agent = SimulatedVehicle(importlib.import_module("px4_types"), options), Agent(0.0)
     program = Program(agent, TRIPS[kind])
-    start = time.process_time()
+    start, due = time.process_time(), 0
     for now in range(0, round(seconds * 1e6), STEP):
-        vehicle.advance(now) if vehicle.next_time <= now else None
-        for data, connection in vehicle.take_outgoing():
-            agent.receive(data, (ADDRESS[0], ADDRESS[1] + connection), now * 1000)
+        if due <= now:
+            vehicle.advance(now) if vehicle.next_time <= now else None
+            for data, connection in vehicle.take_outgoing():
+                agent.receive(data, (ADDRESS[0], ADDRESS[1] + connection), now * 1000)
+            due = vehicle.next_time
         if not now % 100_000:
             agent.tick(now / 1e6)
         for event in agent.take_events():
@@ -184,6 +199,7 @@ def one_process(seconds: float, kind: str = "multicopter") -> tuple[float, float
             program.act(now)
         for data, _ in agent.take_outgoing():
             vehicle.receive(data, now)
+            due = now  # it may have answered
     return seconds / (time.process_time() - start), program.north, program.height
 
 
@@ -226,7 +242,9 @@ def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description="Measure how much faster than real time simulated vehicles fly.")
     parser.add_argument("--quick", action="store_true", help="little, to see that it works")
-    seconds = 5.0 if parser.parse_args().quick else 60.0
+    parser.add_argument("--write", action="store_true", help="write the table to docs/benchmarks.md")
+    options = parser.parse_args()
+    seconds, load = 5.0 if options.quick else 60.0, os.getloadavg()[0]
     rows = [[f"{kind} alone", f"{alone(seconds, kind):.0f}", ""] for kind in TRIPS]
     one_process(16.0)  # imports the messages
     for kind in TRIPS:
@@ -237,7 +255,17 @@ def main() -> None:
         reached, rate = sockets(speed, seconds / 20)
         base = base or rate
         rows.append([f"sockets, --speed {speed}", f"{reached:.1f}", f"{rate / base:.0%}"])
-    Table("simulated vehicles", HEAD, rows).print()
+    table = Table("simulated vehicles", HEAD, rows)
+    table.print()
+    if options.write:
+        write(table, f"Last run: {datetime.now(timezone.utc).date()}, on {machine()}, at a load of {load:.0f}.")
+
+
+def write(table: Table, when: str) -> None:
+    """Write a table to the page of benchmarks, as its last section."""
+    text = PAGE.read_text(encoding="utf-8")
+    parts = (f"## {KEPT}", "```console\n$ python benchmarks/simulated.py --write\n```", when, HOW, table.markdown())
+    PAGE.write_text(f"{text.removesuffix(kept(text))}\n{(chr(10) * 2).join(parts)}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
