@@ -15,7 +15,7 @@ from msggen.messages.nav_states import DESCEND
 
 LOGGER = getLogger("msggen.flight")
 TAKEOFF = "takeoff"
-_LAND, _RETURN, _CHANGE = "land", "rtl", "changeSettings"
+_LAND, _RETURN, CHANGE = "land", "rtl", "changeSettings"
 _HOLD_SECONDS = 1.0
 
 
@@ -50,10 +50,10 @@ class _ChangeSettings(Action):
     async def run(self, handler: Handler, arguments: Arguments) -> None:
         if arguments.get("resetAll"):
             handler.settings = handler.plan.defaults
-            handler.forget(_CHANGE)
+            handler.forget(CHANGE)
         else:
             handler.settings = handler.settings.merged(arguments)
-            handler.store(_CHANGE, handler.settings.arguments)
+            handler.store(CHANGE, handler.settings.arguments)
 
 
 class _OnResume(Action):
@@ -99,7 +99,7 @@ BUILT_IN: Final[Mapping[str, Action]] = MappingProxyType(
         _LAND: _Land(),
         _RETURN: _Return(),
         "hold": _Hold(),
-        _CHANGE: _ChangeSettings(),
+        CHANGE: _ChangeSettings(),
         ON_RESUME: _OnResume(),
         ON_FAILURE: _OnFailure(),
     }

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.missions.plan import SETTINGS
+from msggen.flight.missions import plan
+from msggen.messages.ranges import AIRSPEED, HEIGHT_RATE, SPEED, TURN_RATE, Bound
 
 _LARGEST = 3.4e38
 """What a float32 holds."""
@@ -25,7 +26,6 @@ def _number(least: float, most: float) -> Callable[[Any], bool]:
 
 NUMBER: Final = Expected("a number", _number(-_LARGEST, _LARGEST))
 NOT_NEGATIVE: Final = Expected("a number of at least 0", _number(0.0, _LARGEST))
-POSITIVE: Final = Expected("a number above 0", lambda value: NOT_NEGATIVE.holds(value) and value > 0.0)
 LATITUDE: Final = Expected("a latitude from -90 to 90", _number(-90.0, 90.0))
 LONGITUDE: Final = Expected("a longitude from -180 to 180", _number(-180.0, 180.0))
 TRUTH: Final = Expected("true or false", lambda value: isinstance(value, bool))
@@ -33,13 +33,28 @@ TEXT: Final = Expected("a text", lambda value: isinstance(value, str))
 OBJECT: Final = Expected("an object", lambda value: isinstance(value, dict))
 ARRAY: Final = Expected("an array", lambda value: isinstance(value, list))
 
+
+def _above_0(unit: str, *bounds: Bound) -> Expected:
+    """Return what a limit of the flight has to be: no more than any vehicle has by the parameters of PX4."""
+    most = max(each.extreme for each in bounds)
+    is_within = _number(0.0, most)
+    return Expected(f"a number above 0, and {most:g} {unit} at most", lambda value: is_within(value) and value > 0.0)
+
+
+_LIMITS = (
+    _above_0("m/s", AIRSPEED.most, SPEED.most),
+    _above_0("m/s", HEIGHT_RATE.least, HEIGHT_RATE.most),
+    _above_0("degrees/s", TURN_RATE.most),
+)
+SETTINGS: Final[Mapping[str, Expected]] = MappingProxyType(dict(zip(plan.SETTINGS, _LIMITS, strict=True)))
+"""The keys of `defaults` and `changeSettings`."""
 ARGUMENTS: Final[Mapping[str, Mapping[str, Expected]]] = MappingProxyType(
     {
         "takeoff": {"altitude": NUMBER},
         "land": {},
         "rtl": {},
         "hold": {"duration": NOT_NEGATIVE},
-        "changeSettings": {**dict.fromkeys(SETTINGS, POSITIVE), "resetAll": TRUTH},
+        "changeSettings": {**SETTINGS, "resetAll": TRUTH},
     }
 )
 """The actions that every mission has, and the arguments that each takes."""

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
-from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF
+from msggen.flight.missions.built_in import BUILT_IN, CHANGE, TAKEOFF
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
@@ -23,7 +23,7 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode, first
-from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Plan, Waypoint
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESUMING, ActionItem, Plan, Settings, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.states import is_disarmed
@@ -163,7 +163,15 @@ class Mission(Executor):
         for item in self._plan.items:
             if isinstance(item, ActionItem):
                 found += self._table[item.name].problems(item.document)
+        found += self._mode.unfit(each.horizontal_velocity for each in self._settings())
         return tuple(dict.fromkeys([*found, *self._mode.beyond(self._places())]))
+
+    def _settings(self) -> Iterator[Settings]:
+        """Yield what the mission sets as the limits of its flight."""
+        yield self._plan.defaults
+        for item in self._plan.items:
+            if isinstance(item, ActionItem) and self._table[item.name] is BUILT_IN[CHANGE]:
+                yield Settings().merged(item.arguments)
 
     def _places(self) -> Iterator[tuple[int, float, float, float]]:
         """Yield the places of items that are known before the flight."""

@@ -17,7 +17,7 @@ from msggen.flight.missions.expected import (
     LONGITUDE,
     NUMBER,
     OBJECT,
-    POSITIVE,
+    SETTINGS,
     TEXT,
     Expected,
 )
@@ -26,7 +26,6 @@ from msggen.flight.missions.plan import (
     HOOKS,
     NAVIGATION,
     RESERVED,
-    SETTINGS,
     VERSION,
     ActionItem,
     Item,
@@ -38,7 +37,6 @@ from msggen.flight.places import GlobalPlace
 
 _BROKEN, _WRONG, _UNKNOWN_ACTION, _UNSUPPORTED, _UNKNOWN_KEY, _SAME_ID = "F101", "F102", "F103", "F104", "F105", "F106"
 _WAYPOINT: Mapping[str, Expected] = {"x": LATITUDE, "y": LONGITUDE, "z": NUMBER}
-_DEFAULTS: Mapping[str, Expected] = dict.fromkeys(SETTINGS, POSITIVE)
 _ONLY: Mapping[str, str] = {"navigationType": "waypoint", "frame": "global"}
 """The keys of waypoints that have one value."""
 _NONE: Mapping[str, object] = MappingProxyType({})
@@ -96,7 +94,7 @@ class _Reading:
     def _plan(self, mission: Value) -> Plan:
         inside = self._object(mission, "the mission", ("items",), ("defaults",))
         defaults, items = inside.get("defaults"), inside.get("items")
-        settings = {} if defaults is None else self._values(defaults, "'defaults'", {}, _DEFAULTS)
+        settings = {} if defaults is None else self._values(defaults, "'defaults'", {}, SETTINGS)
         content: list[Value] = []
         if items is not None and self._is(items, ARRAY) and isinstance(items.content, list):
             content = items.content
