@@ -25,8 +25,8 @@ from msggen.sim.near import NearVehicle
 RELEASES = ("v1.15", "v1.18")
 OF_OTHERS = ("v1.17", "v1.18")
 """The releases for which other vehicles are measured: they begin with v1.17."""
-PHASES = (0.0, 0.08, 0.16, 0.24)
-"""When a flight begins, in s: PX4 asks programs every 0.3 s, and the times depend on when it has asked last."""
+PHASES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+"""How much later a mode begins, in s: PX4 asks programs every 0.3 s, and the times depend on when it has asked last."""
 _WAIT = 12.0
 """How long a vehicle is observed after a program is gone, in s."""
 _STEP = 0.01
@@ -50,6 +50,11 @@ class LossyVehicle(NearVehicle):
     """A vehicle whose link to the program can be cut."""
 
     is_cut = False
+
+    def __init__(self, package: ModuleType, options: Options, phase: float) -> None:
+        """Take one of the phases. The vehicle arms when it has asked, so one from before that would not count."""
+        super().__init__(package, options)
+        self.phase = phase
 
     def loses(self, _topic: str) -> bool:
         """See NearVehicle."""
@@ -100,11 +105,12 @@ class Lifts(Executor):
 Case = Callable[[Flight, LossyVehicle], Coroutine[Any, Any, Seen]]
 
 
-async def in_mode(flight: Flight, mode: type[Mode], seconds: float = 3.0) -> None:
+async def in_mode(flight: Flight, vehicle: LossyVehicle, mode: type[Mode], seconds: float = 3.0) -> None:
     """Take off, and fly a mode for some time."""
     await flight.add(mode)
     await flight.arm()
     await flight.takeoff(10.0)
+    await asyncio.sleep(vehicle.phase)
     await flight.set_mode(mode)
     await asyncio.sleep(seconds)
 
@@ -126,14 +132,14 @@ async def observe(vehicle: LossyVehicle, hang: Callable[[float], None] | None = 
 
 async def killed_in_goto(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Kill the program while it flies to a place."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     vehicle.is_cut = True
     return await observe(vehicle)
 
 
 async def killed_in_trajectory(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Kill the program while it flies by velocity."""
-    await in_mode(flight, Straight)
+    await in_mode(flight, vehicle, Straight)
     vehicle.is_cut = True
     return await observe(vehicle)
 
@@ -158,7 +164,7 @@ async def lift(flight: Flight, vehicle: LossyVehicle) -> None:
     await flight.add(Lifts)
     await flight.set_mode(Goto)
     await flight.wait_armed()
-    await asyncio.sleep(2.0)
+    await asyncio.sleep(2.0 + vehicle.phase)
     vehicle.is_cut = True
 
 
@@ -169,7 +175,7 @@ async def killed_in_offboard(flight: Flight, vehicle: LossyVehicle) -> Seen:
     with suppress(NoAnswerError):  # nobody answers the selection of Hold at the end
         async with flight.offboard() as setpoint:
             setpoint.trajectory(velocity=(_SPEED, 0.0, 0.0))
-            await asyncio.sleep(3.0)
+            await asyncio.sleep(3.0 + vehicle.phase)
             vehicle.is_cut = True
             seen = await observe(vehicle)
     return seen
@@ -179,21 +185,21 @@ async def failed(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Let `fly` raise an exception."""
     has_failed = asyncio.Event()
     asyncio.get_running_loop().set_exception_handler(lambda *_: has_failed.set())
-    await in_mode(flight, Fails, 0.0)
+    await in_mode(flight, vehicle, Fails, 0.0)
     await has_failed.wait()
     return await observe(vehicle)
 
 
 async def ended(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Let the program end while it flies."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     flight.close()
     return await observe(vehicle)
 
 
 async def interrupted(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Cut the link for half a second."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     vehicle.is_cut = True
     asyncio.get_running_loop().call_later(0.5, setattr, vehicle, "is_cut", False)  # noqa: FBT003 - what it is set to
     return await observe(vehicle)
@@ -201,7 +207,7 @@ async def interrupted(flight: Flight, vehicle: LossyVehicle) -> Seen:
 
 async def back(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Cut the link for 3 s, and measure how long the mode takes to come back."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     vehicle.is_cut = True
     await asyncio.sleep(3.0)
     vehicle.is_cut = False
@@ -210,20 +216,20 @@ async def back(flight: Flight, vehicle: LossyVehicle) -> Seen:
 
 async def hung(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Let the program hang: its event loop stands still."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     return await observe(vehicle, cast("SimulatedLoop", asyncio.get_running_loop()).block)
 
 
 async def lost(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Take the satellites from the vehicle."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     vehicle.world.has_gps = False
     return await observe(vehicle)
 
 
 async def restarted(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Restart PX4, and measure how long it takes until the mode is registered again."""
-    await in_mode(flight, Goto)
+    await in_mode(flight, vehicle, Goto)
     vehicle.restart()
     begin = vehicle.time
     while not vehicle.world.commander.components.modes:  # noqa: ASYNC110 - the vehicle has no event
@@ -296,13 +302,14 @@ _AWAY: Sequence[tuple[str, str, type[Mode], float]] = (
 """Each vehicle with its name, its kind, its mode, and how long the mode has flown in s."""
 
 
-async def away(flight: Flight, mode: type[Mode], seconds: float) -> None:
+async def away(flight: Flight, vehicle: LossyVehicle, mode: type[Mode], seconds: float) -> None:
     """Let a mode of a vehicle fly away."""
     await flight.add(mode)
     await flight.arm()
     if mode is not Drives:
         await flight.takeoff(30.0)
         await asyncio.sleep(3.0)
+    await asyncio.sleep(vehicle.phase)
     await flight.set_mode(mode)
     await asyncio.sleep(seconds)
 
@@ -311,7 +318,7 @@ def killed(mode: type[Mode], seconds: float) -> Case:
     """Return a case in which the program is killed."""
 
     async def case(flight: Flight, vehicle: LossyVehicle) -> Seen:
-        await away(flight, mode, seconds)
+        await away(flight, vehicle, mode, seconds)
         vehicle.is_cut = True
         return await observe(vehicle)
 
@@ -322,7 +329,7 @@ def hanging(mode: type[Mode], seconds: float) -> Case:
     """Return a case in which the program hangs."""
 
     async def case(flight: Flight, vehicle: LossyVehicle) -> Seen:
-        await away(flight, mode, seconds)
+        await away(flight, vehicle, mode, seconds)
         return await observe(vehicle, cast("SimulatedLoop", asyncio.get_running_loop()).block)
 
     return case
@@ -334,7 +341,7 @@ def failing(mode: type[Mode]) -> Case:
     async def case(flight: Flight, vehicle: LossyVehicle) -> Seen:
         has_failed = asyncio.Event()
         asyncio.get_running_loop().set_exception_handler(lambda *_: has_failed.set())
-        await away(flight, mode, 0.0)
+        await away(flight, vehicle, mode, 0.0)
         await has_failed.wait()
         return await observe(vehicle)
 
@@ -368,10 +375,10 @@ def measure(
     package: ModuleType, case: Case, phase: float, *, is_removable: bool = False, kind: str = "multicopter"
 ) -> Seen:
     """Fly a case."""
-    vehicle = LossyVehicle(package, Options(vehicle=kind, parameters={_REMOVABLE: float(is_removable)}))
+    vehicle = LossyVehicle(package, Options(vehicle=kind, parameters={_REMOVABLE: float(is_removable)}), phase)
 
     async def main() -> Seen:
-        await asyncio.sleep(1.0 + phase)
+        await asyncio.sleep(1.0)
         async with Flight(vehicle) as flight:
             try:
                 return await case(flight, vehicle)

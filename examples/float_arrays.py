@@ -2,9 +2,12 @@
 
 import sys
 
-from msggen import ArrayKind, lay_out, read
+from msggen import ArrayKind, InputError, lay_out, read
 
-catalog = read(*sys.argv[1:2])
+try:
+    catalog = read(*sys.argv[1:2])
+except InputError as error:
+    sys.exit(str(error))
 for message in catalog.uorb_messages:
     extents = lay_out(catalog, message).extents()
     for field in message.fields:

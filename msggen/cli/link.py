@@ -215,13 +215,13 @@ def owner_of(link: str, error: LinkError) -> str:
     return f"; {few(list(map(str, owners)))} has it" if owners else ""
 
 
-def link_of(options: argparse.Namespace) -> str:
+def link_of(options: argparse.Namespace, named: str = "--link") -> str:
     """Return the address of the link that the options or the settings name, or the default one.
 
-    Raises InputError if the address is wrong.
+    `named` is the argument that names it. Raises InputError if the address is wrong.
     """
     if options.link:
-        return str(_parsed(options.link, Location("--link", 0)))
+        return str(_parsed(options.link, Location(named, 0)))
     settings = settings_of(options)
     return str(_parsed(settings.link, settings.place("link"))) if settings.link else DEFAULT
 

@@ -122,6 +122,7 @@ ARGUMENTS: Mapping[tuple[str, str], str] = {
     ("sim", "--port"): "name it in the address: msggen sim udp://127.0.0.1:PORT",
     ("sim", "--link"): "write the address alone: msggen sim udp://127.0.0.1:8888",
     ("sim", "--vehicles"): "use --count",
+    ("link stop", "--link"): "write the address alone: msggen link stop udp://127.0.0.1:8888",
 }
 """What to do about an argument, by command and word."""
 

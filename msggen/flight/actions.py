@@ -23,7 +23,7 @@ from msggen.flight.space import wrapped
 from msggen.flight.states import described, is_armed, is_disarmed, is_on_wings, is_plane, is_rover, name_of
 from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
 from msggen.flight.usage import ON_EARTH, explained
-from msggen.flight.vtol import TRANSITION, change
+from msggen.flight.vtol import TRANSITION, change, must_change
 from msggen.messages import commands, earth
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, SELECTABLE, TAKEOFF, mode_number
 
@@ -314,10 +314,12 @@ class Actions(Hinted):
         In a mode of a program, `await self.to_fixed_wing()` does that. `timeout` is in s.
 
         Raises UnsupportedError for another vehicle, FlightError on the ground, where the vehicle would flip over, in
-        Offboard mode and in modes of programs, RefusedError as in Takeoff, NoAnswerError, and NotReachedError after a
-        quad-chute and after `timeout`.
+        Offboard mode and in modes of programs, LimitError without room to circle within the limits, RefusedError as in
+        Takeoff, NoAnswerError, and NotReachedError after a quad-chute and after `timeout`.
         """
         self._check_mode_of_px4("to_fixed_wing")
+        if must_change(self._feeds, is_forward=True, seconds=timeout):
+            await self._fence.check_change()
         await change(self._commands, self._feeds, is_forward=True, seconds=timeout)
 
     async def to_multicopter(self, *, timeout: float = TRANSITION) -> None:

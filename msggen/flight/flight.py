@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
-from types import ModuleType, TracebackType
+from types import MappingProxyType, ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
@@ -22,6 +22,7 @@ from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.part import NEEDED, Part
+from msggen.flight.ranges import Ranges
 from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
@@ -63,6 +64,9 @@ class Flight(Actions):
     If several vehicles are at an address, `key` (UXRCE_DDS_KEY) or `namespace` says which one flies: without them, that
     is an error.
 
+    `parameters` are those of the vehicle that limit setpoints, such as `{"FW_AIRSPD_MIN": 7.0}`: PX4 does not tell
+    them. A setpoint beyond one is an error, and beyond the default of one that is not given, a warning.
+
     If a program was killed and is back within about 1 s, it continues to fly its modes. With `resume`, it also
     continues if the vehicle has left them meanwhile: the vehicle enters them again at once.
     """
@@ -75,9 +79,10 @@ class Flight(Actions):
         key: int | None = None,
         namespace: str | None = None,
         limits: Limits = NO_LIMITS,
+        parameters: Mapping[str, float] = MappingProxyType({}),
         resume: bool = False,
     ) -> None:
-        self._which = Which(key, namespace)
+        self._which, self._ranges = Which(key, namespace), Ranges(parameters)
         self._vehicle, self._types, self._limits, self._resume = vehicle, types, limits, resume
         self._parts: Parts | None = None
         self._connection: Connection | None = None
@@ -100,7 +105,7 @@ class Flight(Actions):
         connection = self._connection = await connected(self._vehicle, self._types, _NEEDED, NEEDED, self._which)
         feeds = Feeds(connection)
         sender = Commands(connection, feeds)
-        fence = Fence(feeds, self._limits)
+        fence = Fence(feeds, self._limits, self._ranges)
         parts = self._parts = Parts(connection, feeds, sender, fence, resume=self._resume)
         super().__init__(sender, feeds, fence, parts.replacements)
         self.telemetry = Telemetry(feeds)

@@ -14,7 +14,7 @@ from msggen.flight.setpoints import finite
 from msggen.flight.space import Vector, wrapped
 from msggen.flight.states import is_on_wings, is_rover, title_of
 from msggen.flight.telemetry import checked_estimate, is_estimate, is_landed
-from msggen.flight.wings import Way, check_airspeed
+from msggen.flight.wings import Way
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION
 
 _NEAR = 0.5
@@ -45,7 +45,7 @@ class Goto(NamedTuple):
         limits = [each for each in (self.max_speed, self.max_climb, self.max_turn_rate) if each is not None]
         if not all(each > 0.0 for each in finite(limits, "limits")):
             raise ValueError(f"expected limits above 0, got {limits}")
-        check_airspeed(self.airspeed)
+        finite([] if self.airspeed is None else [self.airspeed], "an airspeed")
         if self.within is not None:
             check_within(self.within)
 

@@ -14,8 +14,12 @@ from typing import Any, Final, NamedTuple
 
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
+from msggen.flight.ranges import Ranges
 from msggen.flight.setpoints import Messages, Values
 from msggen.flight.space import Vector
+from msggen.flight.states import is_on_wings
+from msggen.flight.telemetry import checked_estimate
+from msggen.flight.turning import RADIUS, leads_out
 from msggen.flight.usage import LIMITS, explained_class
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind
 
@@ -40,10 +44,14 @@ _LIMITED: Final = (GOTO, TRAJECTORY, FIXED_WING, *ROVER)
 """The kinds of setpoints whose places, velocities and accelerations are kept within limits."""
 _LATERAL, _LONGITUDINAL, *_ = FIXED_WING.topics
 _SPEED: Final = ROVER[1].topics[0]
-_BANK = 9.81 * math.tan(math.radians(30))
-"""The acceleration in m/s^2 in a turn with a bank of 30 degrees. FW_R_LIM is 50 degrees by default."""
-_RUN_OUT = 1.0
-"""The time in s that an aircraft on wings takes to bank before it turns."""
+_CIRCLE = 3.0
+"""The lateral acceleration in m/s^2 with which such an aircraft circles if it does not know where it is."""
+_ROOM = 100.0
+"""The room in m around such a place: the radius, and what the aircraft is off when it comes to the circle."""
+_SPARE = 10.0
+"""How near such an aircraft may come to a limit in m, for gusts and what its turns are off."""
+_CHANGE = 50.0
+"""How far ahead a VTOL flies in m until its wings carry it: to VT_ARSP_TRANS, 10 m/s, or for VT_F_TR_OL_TM, 6 s."""
 
 
 @explained_class(LIMITS)
@@ -58,7 +66,7 @@ class Limits:
     height: float = math.inf
     """Above the home position."""
     distance: float = math.inf
-    """From the home position, horizontally."""
+    """From the home position, horizontally. A plane, which circles where it holds, needs 100 m."""
     depth: float = math.inf
     """Below the home position, for places of `goto` and altitudes of wings: where the ground falls away from home."""
 
@@ -86,18 +94,20 @@ NO_LIMITS: Final = Limits()
 
 
 class _Here(NamedTuple):
-    """The place relative to home, the velocity and the heading, in NED."""
+    """The place relative to home, the velocity, the acceleration and the heading, in NED."""
 
     place: Vector
     velocity: Vector
+    acceleration: Vector
     heading: float
 
 
 class Fence:
-    """Keeps setpoints within limits. Without limits, it changes nothing. Vectors are in NED."""
+    """Keeps setpoints within limits, and checks ranges. Without limits, it changes nothing. Vectors are in NED."""
 
-    def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS) -> None:
+    def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS, ranges: Ranges | None = None) -> None:
         self.limits, self._feeds = limits, feeds
+        self.ranges = Ranges() if ranges is None else ranges
         self._has_home = feeds.has("home_position")
         try:
             for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
@@ -109,36 +119,58 @@ class Fence:
 
     def tightened(self, limits: Limits) -> Fence:
         """Return a fence that also enforces other limits."""
-        return self if limits == NO_LIMITS else Fence(self._feeds, self.limits.tightened(limits))
+        return self if limits == NO_LIMITS else Fence(self._feeds, self.limits.tightened(limits), self.ranges)
 
     def check_kinds(self, kinds: Sequence[Kind]) -> None:
-        """Raise UnsupportedError if limits cannot be enforced for a kind of setpoint."""
+        """Raise UnsupportedError if limits cannot be enforced for a kind, and LimitError if a plane has no room."""
         found = [each.name for each in kinds if each not in _LIMITED]
         if found and not self.limits.is_open:
             raise UnsupportedError(
                 f"limits cannot be enforced for {' and '.join(found)} setpoints: remove them from `setpoints`, "
                 "or remove the limits and set those of PX4 (GF_MAX_HOR_DIST, GF_MAX_VER_DIST)"
             )
+        if FIXED_WING in kinds and self.limits.distance < _ROOM and self._is_on_wings(is_plane=True):
+            raise LimitError(
+                f"the limit of {self.limits.distance:g} m is too small for a plane: it cannot stop, and circles with a "
+                f"radius of {RADIUS:g} m, for which it needs {_ROOM:g} m"
+            )
 
     def check(self, kind: Kind, values: Values) -> None:
-        """Raise LimitError if a setpoint has a place beyond the limits, and UnsupportedError as `check_kinds`."""
-        self.check_kinds([kind])
-        if kind == FIXED_WING:
-            self._check_depth(self._down_of(values[_LONGITUDINAL]["altitude"]))
-        if self.limits.is_open:
-            return
+        """Raise LimitError if a setpoint has a place beyond the limits, and the errors of `check_guided`.
+
+        Raises NoAnswerError for an altitude if the vehicle does not know its own.
+        """
+        self.check_guided(kind, values)
         place = values[kind.topic].get("position")
         if kind == ROVER_POSITION:
             place = (*values[kind.topic]["position_ned"], math.nan)
         elif kind == FIXED_WING:
             place = (math.nan, math.nan, self._down_of(values[_LONGITUDINAL]["altitude"]))
+            self._check_depth(place[2])
         if place is not None:
             self.check_place(place)
 
+    def check_guided(self, kind: Kind, values: Values) -> None:
+        """Raise the errors of a setpoint whose places are checked: of its kind, and ValueError of `Ranges`.
+
+        Raises NoAnswerError for wings without a home position, if there are limits: they cannot stop without it.
+        """
+        self.check_kinds([kind])
+        self.ranges.check(values)
+        if kind == FIXED_WING and not self.limits.is_open:
+            self._home()
+
     def _down_of(self, altitude: float) -> float:
-        """Return an altitude above mean sea level in the local frame, NaN if that is not known."""
+        """Return an altitude above mean sea level in the local frame. Raises NoAnswerError if that is not known."""
+        if math.isnan(altitude):
+            return math.nan
         found = self._feeds["vehicle_local_position"].latest
-        return found.ref_alt - altitude if found is not None and found.z_global else math.nan
+        if found is None or not found.z_global:
+            raise NoAnswerError(
+                "the vehicle does not know its altitude above sea level, and would take this one as a height above "
+                "where it was switched on: give a height_rate, or a place in the local frame to `goto`"
+            )
+        return float(found.ref_alt - altitude)
 
     def check_place(self, place: Sequence[float]) -> None:
         """Raise LimitError if a place is beyond the limits, and NoAnswerError if there is no home position."""
@@ -163,6 +195,11 @@ class Fence:
         self.check_place(place)
         x, y, _ = _from_home(place, self._known_home() or Vector(0.0, 0.0, 0.0))
         distance = self.limits.distance
+        if not (_length(x, y) + _ROOM <= distance or math.isnan(x)) and self._is_on_wings():
+            raise LimitError(
+                f"{_length(x, y):.1f} m from home: the limit is {distance:g} m, and the vehicle circles around the "
+                f"place, for which it needs {_ROOM:g} m. Nothing was sent"
+            )
         if math.isinf(distance) and not _length(x, y) <= _DISTANCE:
             raise LimitError(
                 f"{_length(x, y) / 1e3:.0f} km from home: without `Limits(distance=...)`, goto flies "
@@ -179,14 +216,32 @@ class Fence:
                 "level; `Limits(depth=...)` allows places below home"
             )
 
-    def nearest(self, place: Sequence[float]) -> Vector:
-        """Return the place within the limits that is nearest to a place. The vehicle holds there."""
+    async def check_change(self) -> None:
+        """Raise LimitError if a VTOL that changes to forward flight now could not circle within the limits then.
+
+        Raises NoAnswerError, if there are limits, without a home position and without a valid estimate.
+        """
+        if math.isinf(self.limits.distance):
+            return
+        await self.wait_for_home()
+        estimate, home = checked_estimate(self._feeds), self._home()
+        x = estimate.x + _CHANGE * math.cos(estimate.heading) - home.x
+        y = estimate.y + _CHANGE * math.sin(estimate.heading) - home.y
+        if math.hypot(x, y) + _ROOM > self.limits.distance:
+            raise LimitError(
+                f"no room to change to forward flight: a VTOL flies {_CHANGE:g} m ahead, and needs {_ROOM:g} m around "
+                f"that place to circle, which is {math.hypot(x, y):.1f} m from home: the limit is "
+                f"{self.limits.distance:g} m"
+            )
+
+    def nearest(self, place: Sequence[float], *, is_circled: bool = False) -> Vector:
+        """Return the place within the limits that is nearest to a place. The vehicle holds there, or circles there."""
         if self.limits.is_open:
             return Vector(*place)
         home = self._home()
         x, y, z = _from_home(place, home)
-        distance = math.hypot(x, y)
-        share = self.limits.distance * (1.0 - 1e-6) / distance if distance > self.limits.distance else 1.0
+        distance, most = math.hypot(x, y), max(self.limits.distance - (_ROOM if is_circled else 0.0), 0.0)
+        share = most * (1.0 - 1e-6) / distance if distance > most else 1.0
         return Vector(home.x + x * share, home.y + y * share, home.z + max(z, -self.limits.height))
 
     def shaped(self, messages: Messages) -> Messages:
@@ -205,11 +260,14 @@ class Fence:
             found.velocity, found.acceleration = self._slowed(message.velocity, message.acceleration, here)
         elif topic == _SPEED:
             found.speed_body_x = 0.0 if here is None else _rolling(message.speed_body_x, here, distance)
-        elif topic == _LATERAL and here is not None and _leads_out(message.course, here, distance):
-            found.course, found.airspeed_direction = math.atan2(-here.place.y, -here.place.x), math.nan
-            found.lateral_acceleration = math.nan
-        elif topic == _LONGITUDINAL and here is not None:
-            found.height_rate = min(message.height_rate, allowed(self.limits.height + here.place.z))
+        elif (
+            topic == _LATERAL and not math.isinf(distance) and (here is None or leads_out(*here[:3], distance - _SPARE))
+        ):
+            found.course = math.nan if here is None else math.atan2(-here.place.y, -here.place.x)
+            found.airspeed_direction, found.lateral_acceleration = math.nan, _CIRCLE if here is None else math.nan
+        elif topic == _LONGITUDINAL:
+            most = 0.0 if here is None else allowed(self.limits.height + here.place.z)
+            found.height_rate = min(message.height_rate, most)
         return found
 
     def _slowed(
@@ -239,6 +297,11 @@ class Fence:
         home = self._known_home()
         return 0.0 if home is None else home.z
 
+    def _is_on_wings(self, *, is_plane: bool = False) -> bool:
+        """Whether the vehicle flies on wings, and, with `is_plane`, always does."""
+        status = self._feeds["vehicle_status"].latest
+        return status is not None and is_on_wings(status) and not (is_plane and status.is_vtol)
+
     def _home(self) -> Vector:
         found = self._known_home()
         if found is None:
@@ -260,7 +323,7 @@ class Fence:
         if not (found.xy_valid and found.z_valid and found.v_xy_valid and found.v_z_valid):
             return None
         place = _from_home((found.x, found.y, found.z), home)
-        return _Here(place, Vector(found.vx, found.vy, found.vz), found.heading)
+        return _Here(place, Vector(found.vx, found.vy, found.vz), Vector(found.ax, found.ay, found.az), found.heading)
 
 
 def allowed(left: float) -> float:
@@ -274,19 +337,6 @@ def _rolling(speed: float, here: _Here, distance: float) -> float:
     direction = Vector(sign * math.cos(here.heading), sign * math.sin(here.heading), 0.0)
     most = math.inf if math.isinf(distance) else allowed(_way_left(direction, here.place, distance))
     return sign * min(abs(speed), most)
-
-
-def _leads_out(course: float, here: _Here, distance: float) -> bool:
-    """Whether a vehicle on wings is so near the distance that it must turn back, and its course does not do that."""
-    speed = math.hypot(here.velocity.x, here.velocity.y)
-    is_near = math.hypot(here.place.x, here.place.y) + turn_radius(speed) + _RUN_OUT * speed > distance
-    along = here.place.x * math.cos(course) + here.place.y * math.sin(course)
-    return is_near and not along < 0.0
-
-
-def turn_radius(speed: float) -> float:
-    """Return the radius in m of a turn at a speed in m/s with a bank of 30 degrees."""
-    return speed * speed / _BANK
 
 
 def _from_home(place: Sequence[float], home: Vector) -> Vector:

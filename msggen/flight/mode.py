@@ -171,8 +171,8 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
         declares `setpoints = (GOTO, TRAJECTORY, FIXED_WING)`. `timeout` is in s.
 
         Raises UnsupportedError for another vehicle, before PX4 v1.17, and for kinds that are not declared, FlightError
-        on the ground, where the vehicle would flip over, NoAnswerError, and NotReachedError after a quad-chute, after
-        `timeout`, and if the mode does not fly.
+        on the ground, where the vehicle would flip over, LimitError without room to circle within the limits,
+        NoAnswerError, and NotReachedError after a quad-chute, after `timeout`, and if the mode does not fly.
         """
         await self._own.change(is_forward=True, seconds=timeout)
 

@@ -87,6 +87,10 @@ class ActiveMode(Active):
         """See Fence."""
         self._fence.check_goto(place)
 
+    def check_ranges(self, values: Values) -> None:
+        """See Ranges."""
+        self._fence.ranges.check(values)
+
     @property
     def can_run(self) -> bool:
         """See Active."""
@@ -142,6 +146,8 @@ class ActiveMode(Active):
                     f"`await flight.to_{'fixed_wing' if is_forward else 'multicopter'}()`"
                 ) from None
             check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
+        if is_forward:
+            await self._fence.check_change()
         self._steering.cross(checked_estimate(self.feeds), is_forward=is_forward)
         self._is_changing = True
         try:

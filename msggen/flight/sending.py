@@ -40,6 +40,9 @@ class Registered(Protocol):
     def check_goto(self, place: Vector) -> None:
         """See Fence."""
 
+    def check_ranges(self, values: Values) -> None:
+        """See Ranges."""
+
     def hold(self) -> None:
         """Hold the place where the vehicle is. Raises UnsupportedError."""
 

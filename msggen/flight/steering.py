@@ -39,8 +39,8 @@ class Steering:
         self._stream.set(kind, lambda: messages)
 
     def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
-        """Send a setpoint from now on whose values a function returns each time. Raises LimitError."""
-        self._fence.check(kind, make())
+        """Send a setpoint from now on whose values a function returns each time, with places that are checked."""
+        self._fence.check_guided(kind, make())
         self._way = make if isinstance(make, Way) else None
         self._stream.set(kind, lambda: self._filled(make()))
 
@@ -88,7 +88,7 @@ class Steering:
         if is_landed(self._feeds):
             self._stream.pause()
         elif self._way is None or not self._way.is_there:
-            centre = self._fence.nearest(circle_centre(estimate))
+            centre = self._fence.nearest(circle_centre(estimate), is_circled=True)
             self.guide(FIXED_WING, Way.around(self._feeds, centre))
         return True
 

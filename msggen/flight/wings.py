@@ -8,17 +8,15 @@ from typing import Any, Final, NamedTuple
 
 from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
-from msggen.flight.limits import turn_radius
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import Values, finite, in_range
 from msggen.flight.space import Frame, Vector, check_radians, heading_of, wrapped
 from msggen.flight.states import is_on_wings
 from msggen.flight.telemetry import is_estimate, valid_estimate
+from msggen.flight.turning import RADIUS, turn_radius
 from msggen.flight.usage import WINGS, explained
 from msggen.messages.setpoints import FIXED_WING
 
-RADIUS: Final = 80.0
-"""The radius in m of the circle around a place: NAV_LOITER_RAD."""
 LEVEL: Final = 10.0
 """The difference in m up to which an altitude is reached: NAV_FW_ALT_RAD."""
 _GRAVITY = 9.81
@@ -130,18 +128,9 @@ def _checked(given: dict[str, float]) -> Wings:
     for one, other in (("course", "airspeed_direction"), ("altitude", "height_rate")):
         if given.keys() >= {one, other}:
             raise ValueError(f"expected {one} or {other}, got both: PX4 would ignore the {one}")
-    check_airspeed(given.get("airspeed"))
     if "throttle" in given:
         in_range(given["throttle"], 0.0, "a throttle")
     return Wings(**({} if "altitude" in given else {"height_rate": 0.0}) | given)
-
-
-def check_airspeed(airspeed: float | None) -> None:
-    """Raise ValueError for an airspeed that is not above 0, which PX4 would take for FW_AIRSPD_TRIM."""
-    if airspeed is not None and not finite([airspeed], "an airspeed")[0] > 0.0:
-        raise ValueError(
-            f"expected an airspeed above 0 m/s, got {airspeed:g}: FW_AIRSPD_MIN is the lowest that PX4 flies"
-        )
 
 
 def _angle(rad: float | None, deg: float | None, frame: Frame, name: str) -> float | None:

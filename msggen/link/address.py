@@ -17,8 +17,8 @@ _ARGUMENTS = ("key", "namespace", "address", "allow", "types", "queue", "direct"
 _PLACE = r"(?:\[([^\]]+)\]|([\w.-]*))(?::([^:/]*))?"
 """A host or an IPv6 address in brackets, and a port."""
 
-_HOST = r"[\w.-]*[a-zA-Z.][\w.-]*(:[0-9]+)?"
-"""A host, and perhaps a port, but not a number alone."""
+_HOST = r"(?!-)[\w.-]*[a-zA-Z.][\w.-]*(:[0-9]+)?"
+"""A host, and perhaps a port, but not a number alone, and not an option such as `--help`."""
 
 _PORTS = 65536
 _DOMAINS = 233

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from msggen.base.diagnostics import suggestion
+from msggen.messages.ranges import DEFAULTS
 from msggen.sim.commander.rules import V1_17, V1_18, Rules
 
 PARAMETERS: Mapping[str, float] = MappingProxyType(
     {
+        **DEFAULTS,
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
         "COM_FAIL_ACT_T": 5.0,
@@ -21,16 +23,11 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "EKF2_EV_QMIN": 0.0,
         "EKF2_GPS_CTRL": 7.0,
         "EKF2_HGT_REF": 1.0,
-        "FW_AIRSPD_MAX": 20.0,
-        "FW_AIRSPD_MIN": 10.0,
         "FW_AIRSPD_TRIM": 15.0,
         "FW_GND_SPD_MIN": 5.0,
         "FW_PN_R_SLEW_MAX": 90.0,
-        "FW_R_LIM": 50.0,
         "FW_T_ALT_TC": 5.0,
-        "FW_T_CLMB_MAX": 5.0,
         "FW_T_CLMB_R_SP": 3.0,
-        "FW_T_SINK_MAX": 5.0,
         "FW_T_SINK_R_SP": 2.0,
         "FW_T_TAS_TC": 5.0,
         "LNDMC_TRIG_TIME": 1.0,
@@ -67,9 +64,7 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "RO_ACCEL_LIM": 3.0,
         "RO_DECEL_LIM": 3.0,
         "RO_MAX_THR_SPEED": 3.2,
-        "RO_SPEED_LIM": 3.0,
         "RO_YAW_P": 3.0,
-        "RO_YAW_RATE_LIM": 180.0,
         "RTL_CONE_ANG": 45.0,
         "RTL_MIN_DIST": 10.0,
         "RTL_RETURN_ALT": 60.0,

@@ -65,6 +65,8 @@ def test_a_wrong_action_gets_the_right_one() -> None:
         "topic --link x list": "unknown argument '--link': name an action first",
         "topic list --field x": "unknown argument '--field': an option of topic echo",
         "build --link x": "unknown argument '--link': an option of ",
+        "link stop --link x": "unknown argument '--link': write the address alone: msggen link stop udp://",
+        "link stop foo": "URL: L101 'foo' is not the address of a link, did you mean 'udp://foo'?",
         "topic list foo": "unknown argument 'foo'\n",
         "topic show": "did you mean 'info'?",
     }.items():

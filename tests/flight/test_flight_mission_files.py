@@ -118,13 +118,13 @@ WRONG = {
     "F102 'z': expected a number, got '500'": text_of({**NAVIGATION, "x": 47, "y": 8, "z": "500"}),
     "F102 the waypoint has no 'z'": text_of({**NAVIGATION, "x": 47, "y": 8}),
     "F104 frame 'local' is not supported": text_of({**NAVIGATION, "frame": "local", "x": 47, "y": 8, "z": 500}),
-    "F102 'horizontalVelocity': expected a number above 0, got -1": text_of(
+    "F102 'horizontalVelocity': expected a number above 0, and 100 m/s at most, got -1": text_of(
         {"type": "rtl"}, defaults={"horizontalVelocity": -1}
     ),
-    "F102 'verticalVelocity': expected a number above 0, got 0": text_of(
+    "F102 'verticalVelocity': expected a number above 0, and 15 m/s at most, got 0": text_of(
         {"type": "changeSettings", "verticalVelocity": 0}
     ),
-    "F102 'maxHeadingRate': expected a number of at least 0, got -1": text_of(
+    "F102 'maxHeadingRate': expected a number from 0 to 10000 degrees/s, got -1": text_of(
         {"type": "rtl"}, defaults={"maxHeadingRate": -1}
     ),
     "1:38: F105 warning: 'changeSettings' changes nothing: give it horizontalVelocity, verticalVelocity, ": text_of(
@@ -137,6 +137,9 @@ WRONG = {
     "1:47: F102 'internal:resume': names with 'internal:' are reserved": text_of({"type": "internal:resume"}),
     "F102 'internal:a': names with 'internal:' are reserved": text_of({"type": "rtl"}, **{"internal:a": 1}),
     "F102 'internal:b': names with 'internal:' are reserved": text_of({"type": "takePhoto", "internal:b": 1}),
+    "F102 'verticalVelocity': expected a number above 0, and 15 m/s at most, got 100": text_of(
+        {"type": "rtl"}, defaults={"verticalVelocity": 100}
+    ),
     "F102 'resetAll': expected true or false, got 1": text_of({"type": "changeSettings", "resetAll": 1}),
     "F102 'duration': expected a number of at least 0, got -1": text_of({"type": "hold", "duration": -1}),
     "F102 'altitude': expected a number, got true".replace("true", "True"): text_of(
@@ -241,7 +244,7 @@ SPEEDS = st.none() | st.floats(0.01, 100.0)
 PLANS = st.builds(
     lambda items, defaults: Plan(tuple(items), defaults),
     st.lists(WAYPOINTS | ACTIONS, min_size=1, max_size=6),
-    st.builds(Settings, SPEEDS, SPEEDS, SPEEDS),
+    st.builds(Settings, SPEEDS, st.none() | st.floats(0.01, 15.0), SPEEDS),
 )
 
 
@@ -294,7 +297,9 @@ def test_the_command_reports_the_errors_of_all_files(tmp_path: Path, monkeypatch
 
 
 def test_a_plan_of_a_program_is_checked_as_its_file() -> None:
-    with pytest.raises(InputError, match="'horizontalVelocity': expected a number above 0, got -3"):
+    with pytest.raises(
+        InputError, match="'horizontalVelocity': expected a number above 0, and 100 m/s at most, got -3"
+    ):
         Mission(Plan((ActionItem("changeSettings", {"horizontalVelocity": -3.0}),)))
     with pytest.raises(InputError, match="the mission has no items"):
         Mission(Plan(()))

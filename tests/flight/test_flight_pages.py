@@ -14,6 +14,7 @@ from msggen.flight import BlockingFlight, Executor, Flight, Mode
 from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
 from msggen.messages.measurements import GATES, HEIGHT, POSITION, VELOCITY, YAW
+from msggen.messages.ranges import RANGES
 from msggen.messages.setpoints import SENT, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run
@@ -24,11 +25,11 @@ from support.repository import ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-BLOCKS = {"flight_safety": 1, "flight": 5, "flight_modes": 5, "missions": 2, "measurements": 4, "flight_vehicles": 4}
+BLOCKS = {"flight_safety": 1, "flight": 5, "flight_modes": 5, "missions": 2, "measurements": 4, "flight_vehicles": 5}
 TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in BLOCKS}
 PARAMETERS = {"measurements": {"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0}}
 """Those that the vehicle of a page has other values of."""
-VEHICLES = {"flight_vehicles": ("plane", "vtol", "rover", "multicopter")}
+VEHICLES = {"flight_vehicles": ("plane", "vtol", "rover", "multicopter", "rover")}
 """The vehicles of the programs of a page, if they are not all multicopters."""
 
 
@@ -110,6 +111,20 @@ def test_the_tables_of_setpoints_are_those_of_the_code() -> None:
         name: {rate} for name, rate in rows.items()
     }
     assert {kind for _, each in grouped(kinds) for kind in each} == {*SENT}
+
+
+def test_the_table_of_ranges_has_those_of_the_code() -> None:
+    section = TEXTS["flight_vehicles"].partition("## Ranges")[2].partition("\n## ")[0]
+    rows = [line.split("|")[2:5] for line in section.splitlines() if re.search("`(?:FW|RO)_.*\\|$", line)]
+    named = {tuple(re.findall(r"`(\w+)`", parameters)): (widest, usual) for widest, usual, parameters in rows}
+    found = {each for fields in RANGES.values() for each in fields.values()}
+    assert {frozenset(each) for each in named} == {
+        frozenset({each.least.parameter, each.most.parameter}) for each in found
+    }
+    for each in found:
+        (cells,) = (cells for names, cells in named.items() if each.most.parameter in names)
+        for cell, bounds in zip(cells, ("extreme", "default"), strict=True):
+            assert f"{abs(each.most.of(getattr(each.most, bounds))):.3g} {each.unit}".replace("^2", "²") in cell
 
 
 def grouped(kinds: dict[str, Any]) -> list[tuple[str, tuple[Kind, ...]]]:

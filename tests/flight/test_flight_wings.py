@@ -17,7 +17,8 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace
-from msggen.flight.wings import RADIUS
+from msggen.flight.ranges import Ranges
+from msggen.flight.turning import RADIUS
 from msggen.messages.nav_states import RETURN
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES
 from msggen.sim import Options
@@ -54,6 +55,7 @@ def sent(call: Any, frame: str = "ned") -> tuple[Any, Any]:
 
     class Own:
         def send_each(self, _: Any, given: Any) -> None:
+            Ranges().check(given)
             values.update({topic: dict(each) for topic, each in given.items()})
 
     mode._active = Own()  # type: ignore[assignment]
@@ -97,8 +99,12 @@ def test_what_is_not_given_is_left_to_px4() -> None:
         ({"course": 0.0, "course_deg": 0.0}, "expected course or course_deg, got both"),
         ({"course": 0.0, "airspeed_direction": 0.0}, "got both: PX4 would ignore the course"),
         ({"course": 0.0, "altitude": 1.0, "height_rate": 0.0}, "got both: PX4 would ignore the altitude"),
-        ({"course": 0.0, "airspeed": 0.0}, "expected an airspeed above 0 m/s, got 0: FW_AIRSPD_MIN"),
-        ({"course": 0.0, "airspeed": -3.0}, "above 0 m/s"),
+        ({"course": 0.0, "airspeed": 0.0}, "expected an airspeed from 0.5 to 100 m/s, got 0, and nothing was sent"),
+        ({"course": 0.0, "airspeed": -3.0}, "says what the vehicle has as FW_AIRSPD_MIN and FW_AIRSPD_MAX"),
+        ({"course": 0.0, "airspeed": 101.0}, "from 0.5 to 100 m/s, got 101"),
+        ({"course": 0.0, "height_rate": 100.0}, "expected a height rate from -15 to 15 m/s, got 100"),
+        ({"course": 0.0, "height_rate": -100.0}, "from -15 to 15 m/s, got -100"),
+        ({"lateral_acceleration": 1000.0}, "expected a lateral acceleration from -36.6114 to 36.6114 m/s^2, got 1000"),
         ({"course": 0.0, "throttle": 1.5}, "expected a throttle from 0 to 1, got 1.5"),
         *(
             ({"course": 0.0} | {name: value}, f"finite numbers for `{name.removesuffix('_deg')}`")
@@ -363,11 +369,12 @@ def test_limits_turn_it_back(px4_types: Any, course: float) -> None:
                 self.fixed_wing(course_deg=course, altitude=vehicle_.world.home.altitude + 60.0)
             with pytest.raises(LimitError, match="from home"):
                 await self.goto((400.0, 0.0, -40.0))
+            home = (await self.telemetry.home()).position  # where it has left the runway
             self.fixed_wing(course_deg=course, height_rate=3.0)
             for _ in range(35):
                 await asyncio.sleep(1.0)
                 x, y, z = vehicle_.world.flight.position
-                seen.append((math.hypot(x, y), -z))
+                seen.append((math.dist((x, y), home[:2]), -z))
 
     vehicle_: Any = None
 

@@ -69,6 +69,7 @@ def test_the_page_of_links_has_all_types() -> None:
     ("text", "error"),
     [
         ("127.0.0.1:8888", "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
+        ("--help", "'--help' is not the address of a link: expected one of udp://127.0.0.1:8888"),
         ("udp:/127.0.0.1:8888", "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
         ("upd://127.0.0.1:8888", "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
         ("UDP://host", "is not the address of a link, did you mean 'udp://host'?"),

@@ -86,6 +86,12 @@ def completed(code: str) -> set[str]:
     return names(script_of(code, paths=(ROOT,)))
 
 
+@pytest.mark.parametrize("page", CODED)
+def test_the_programs_of_a_page_tell_the_type_of_the_flight(page: str) -> None:
+    """Without it, editors complete none of its names."""
+    assert re.findall(r"def \w+\((?:\w+, )*flight[,)].*", code_of(page)) == []
+
+
 @pytest.mark.night
 def test_the_pages_use_many_names() -> None:
     assert sum(len(known(page)) for page in CODED) > 400

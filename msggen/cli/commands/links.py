@@ -71,13 +71,13 @@ def _add_serve(actions: Commands) -> None:
     parser.add_argument("--background", action="store_true", help="return when programs can join")
 
 
-def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
+def _wanted(options: argparse.Namespace, named: str = "--link") -> tuple[Place, Wanted]:
     """Return the place and the link that the options name. Raises InputError."""
     from msggen.link.address import parse_address
     from msggen.vehicle.owned.joining import Wanted
     from msggen.vehicle.owned.places import CAN_SHARE, place_of
 
-    link = link_of(options)
+    link = link_of(options, named)
     address = parse_address(link)
     if not (CAN_SHARE and address.link_type.is_shared):
         text = f"'{link}' cannot be owned for others: expected {usages(_SHARED)}, on Linux or macOS"
@@ -158,7 +158,7 @@ def _place_to_stop(options: argparse.Namespace) -> Place:
     found = _running()
     if options.link:
         options.allow = []
-        place, wanted = _wanted(options)
+        place, wanted = _wanted(options, "URL")
         if any(each.place == place for each in found):
             return place
         raise input_error(str(wanted.address), "L102", f"no process owns it{_others(found)}", 0)

@@ -98,6 +98,20 @@ class MissionMode(Mode):
                 break
         return found
 
+    def unfit(self, speeds: Iterable[float | None]) -> list[str]:
+        """Return which speeds between waypoints the vehicle does not have, as texts."""
+        is_known = self.is_registered and self._status is not None
+        found: list[str] = []
+        for speed in (each for each in speeds if is_known and each is not None):
+            try:
+                if is_on_wings(self._status):
+                    self._own.check_ranges({FIXED_WING.topics[1]: {"equivalent_airspeed": speed}})
+                elif is_rover(self._status):
+                    self._own.check_ranges({ROVER_POSITION.topic: {"cruising_speed": speed}})
+            except ValueError as error:
+                found.append(f"horizontalVelocity: {error}")
+        return found
+
     async def fly(self) -> None:
         """Fly the segment."""
         places, settings, stops, reached = self.segment

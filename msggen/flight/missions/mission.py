@@ -24,7 +24,18 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode
-from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Item, Plan, Waypoint
+from msggen.flight.missions.plan import (
+    CHANGE,
+    ON_FAILURE,
+    ON_RESUME,
+    RESERVED,
+    RESUMING,
+    ActionItem,
+    Item,
+    Plan,
+    Settings,
+    Waypoint,
+)
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.setpoints import check_seconds
@@ -180,6 +191,7 @@ class Mission(Executor):
         for item in self._plan.items:
             if isinstance(item, ActionItem):
                 found += self._table[item.name].problems(item.document)
+        found += self._mode.unfit(each.horizontal_velocity for each in self._settings())
         return tuple(dict.fromkeys([*found, *self._lifting(), *self._mode.beyond(self._places())]))
 
     def _lifting(self) -> Iterator[str]:
@@ -209,6 +221,13 @@ class Mission(Executor):
     def _is_built_in(self, item: Item, *names: str) -> bool:
         """Whether an item is one of some actions, and none of the program's."""
         return isinstance(item, ActionItem) and item.name in names and item.name not in self._given
+
+    def _settings(self) -> Iterator[Settings]:
+        """Yield what the mission sets as the limits of its flight."""
+        yield self._plan.defaults
+        for item in self._plan.items:
+            if isinstance(item, ActionItem) and self._table[item.name] is BUILT_IN[CHANGE]:
+                yield Settings().merged(item.arguments)
 
     def _places(self) -> Iterator[tuple[int, float, float, float]]:
         """Yield the places of items that are known before the flight."""
