@@ -34,6 +34,10 @@ _NAMESPACE = re.compile(r"(?P<namespace>.*?)/fmu/(?:in|out)/")
 _INDEX = re.compile(r"\[(\d+)\]")
 
 
+_LATENCY = 5
+"""The percentile of the time that samples are under way which is taken for none."""
+
+
 class Column(NamedTuple):
     """The values of a field over time."""
 
@@ -155,6 +159,22 @@ class Recorded:
             f"{name}{number}.{field}",
         )
 
+    def taken(self, column: Column, name: str, instance: int = 0) -> Column:
+        """Return a column of a topic with the times at which its samples were taken, as the vehicle's clock has them.
+
+        Without such times in the samples, or if they are not in order, they are those of the recording.
+        """
+        samples = self.samples(name, instance)
+        if samples is None:
+            return column
+        seconds = self._seconds(samples)
+        stamps = [_values(samples.array, field) for field in ("timestamp_sample", "timestamp")]
+        own = [each / 1e6 for each in stamps if each is not None and _is_clock(each)]
+        if not own:
+            return column
+        times = own[0] + float(np.percentile(seconds - own[-1], _LATENCY))
+        return column._replace(times=times[len(times) - len(column.times) :])
+
     def while_armed(self, name: str, field: str, instance: int = 0, valid: str = "") -> Column | None:
         """Return a field while the vehicle was armed, NaN where the flag `valid` is not set. None without a number."""
         found = self.column(name, field, instance)
@@ -229,6 +249,11 @@ def spans(column: Column, mask: NDArray[np.bool_], end: float) -> tuple[tuple[fl
     times = np.append(column.times, max(end, float(column.times[-1]) if len(column.times) else end))
     begins, ends = times[np.flatnonzero(edges == 1)], times[np.flatnonzero(edges == -1)]
     return tuple(zip(begins.tolist(), ends.tolist(), strict=True))
+
+
+def _is_clock(stamps: NDArray[Any]) -> bool:
+    """Whether times are in order, and not all the same."""
+    return len(stamps) > 1 and bool((stamps[1:] >= stamps[:-1]).all()) and bool(stamps[0] < stamps[-1])
 
 
 def _values(rows: NDArray[Any], path: str) -> NDArray[Any] | None:

@@ -299,14 +299,25 @@ def recorded_fields(_: str, options: argparse.Namespace) -> Iterator[str]:
 
 
 def recorded_paths(prefix: str, options: argparse.Namespace) -> Iterator[str]:
-    """Yield the paths of the columns of all topics: `vehicle_status.nav_state`."""
+    """Yield the paths of columns of all topics, `vehicle_status.nav_state`, and what else `log plot` draws."""
     if not hasattr(options, "file"):
         yield from _live_paths(prefix, options)
         return
     from msggen import recordings
+    from msggen.analysis.spectrum import SENSORS
+    from msggen.exports.pictures import PICTURES
     from msggen.recordings.columns.arrays import names_of
 
+    first = next(iter(options.fields or ()), "")
+    if not first:
+        yield from PICTURES
     with recordings.open(options.file) as log:
+        if first in PICTURES:
+            known = {name for sensor in SENSORS for name in (sensor.name, *sensor.names)}
+            recorded = [sensor.name for sensor in SENSORS] + [_numbered(topic) for topic in log.topics]
+            taken = recorded if PICTURES[first].takes_sources else ()
+            yield from [name for name in taken if name.partition("[")[0] in known]
+            return
         for topic in log.chosen(None):
             name = topic.name if prefix.startswith("/") else _numbered(topic)
             yield from [f"{name}.{column}" for column in names_of(log.dtype(topic))]

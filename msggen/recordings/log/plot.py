@@ -52,13 +52,13 @@ __all__ = [
 ENDINGS = ("png", "svg", "pdf")
 """The formats of files."""
 
-_WIDTH, _PANEL, _ROW, _MARGIN = 10.0, 2.2, 0.24, 1.1
+WIDTH, _PANEL, _ROW, _MARGIN = 10.0, 2.2, 0.24, 1.1
 """The width of a picture, and the heights of a panel of lines, of a row of bands and of all around them, in inches."""
 _LEGEND_WIDTH, _LETTER, _SAMPLE = 9.0, 0.07, 0.6
 """The width of a legend, of a letter in it, and of a line with the space beside it, in inches."""
 _LEGEND_ROW, _LEGEND_EDGE = 0.2, 0.3
 """The height of a row of a legend, and of its edges with the axis of a panel, in inches."""
-_DPI = PIXELS / 2 / _WIDTH
+DPI = PIXELS / 2 / WIDTH
 _MOST_NAMES = 16
 """The changes of flight mode up to which each one has its name in the picture."""
 _MOST_EVENTS = 12
@@ -67,7 +67,7 @@ _EVENT = 40
 """The length of the text at a mark."""
 _CALM = ("notice", "info", "debug")
 """The levels of events that are no warnings."""
-_LITERAL = {"text.parse_math": False, "text.usetex": False, "axes.formatter.use_mathtext": False}
+LITERAL = {"text.parse_math": False, "text.usetex": False, "axes.formatter.use_mathtext": False}
 """Settings of matplotlib with which texts are drawn as they are: names may have `$` in them."""
 
 
@@ -138,7 +138,7 @@ def draw_panels(
     with installed_by("plot"):
         import matplotlib as mpl
         from matplotlib.figure import Figure as NewFigure
-    with mpl.rc_context(_LITERAL):  # each text takes it over when it is made
+    with mpl.rc_context(LITERAL):  # each text takes it over when it is made
         low = start or _begin_of(series)
         return _drawn(series, title, low, background, figure or NewFigure())
 
@@ -147,8 +147,8 @@ def _drawn(series: Sequence[Series], title: str, low: float, background: Backgro
     """Draw fields into a figure, and return it."""
     panels = panels_of([each.since(low) for each in series])
     heights = [_height(panel) for panel in panels]
-    figure.set_size_inches(_WIDTH, sum(heights) + _MARGIN)
-    figure.set_dpi(_DPI)
+    figure.set_size_inches(WIDTH, sum(heights) + _MARGIN)
+    figure.set_dpi(DPI)
     figure.set_layout_engine("constrained")
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     every: list[Axes] = list(grid[:, 0])
@@ -161,7 +161,7 @@ def _drawn(series: Sequence[Series], title: str, low: float, background: Backgro
         else:
             _draw_lines(axes, panel)
         if modes is not None:
-            _draw_modes(axes, modes, low, high, is_top=axes is every[0])
+            draw_modes(axes, modes, low, high, is_top=axes is every[0])
     _draw_marks(every, [mark for mark in background.marks if low <= mark.time <= high], middle=(low + high) / 2)
     every[0].set_xlim(low, high)
     every[-1].set_xlabel("time since the start [s]")
@@ -176,7 +176,7 @@ def render(figure: Figure, ending: str) -> bytes:
     out = BytesIO()
     about = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[ending]
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "msggen"}):
-        figure.savefig(out, format=ending, dpi=_DPI, metadata=about)
+        figure.savefig(out, format=ending, dpi=DPI, metadata=about)
     return out.getvalue()
 
 
@@ -271,7 +271,7 @@ def _draw_bands(axes: Axes, series: Series) -> None:
     )
 
 
-def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: bool) -> None:
+def draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: bool) -> None:
     """Draw the flight modes behind a panel of these times, with their names above the panel at the top."""
     colours = _colours(modes)
     changes = sum(len(band.spans) for band in modes.bands)

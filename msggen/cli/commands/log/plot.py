@@ -1,4 +1,4 @@
-"""`msggen log plot`: fields of a recording over time."""
+"""`msggen log plot`: fields of a recording over time, and pictures of what analysis finds in a flight."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.diagnostics import few, printable
+from msggen.base.diagnostics import few, printable, suggestion
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.log.arguments import CODES, add_file, add_times, asked_time, check_times
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
@@ -19,7 +19,7 @@ from msggen.cli.values import non_empty
 from msggen.recordings.files.paths import stem_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from msggen.recordings.log.log import Log
     from msggen.recordings.log.plot import Series
@@ -34,9 +34,10 @@ def add_to(actions: Commands) -> None:
         actions,
         "plot",
         _plot,
-        help="plot fields over time, to a file or in a window",
+        help="plot fields over time, step responses, spectra and others, to a file or in a window",
         description="Plot fields of a recording over time: those of one unit share a panel, values with names are "
-        "bands, and the flight modes are the background.",
+        "bands, and the flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, "
+        "thrust, innovations.",
         epilog=CODES,
     )
     add_file(parser)
@@ -46,7 +47,8 @@ def add_to(actions: Commands) -> None:
         nargs="+",
         type=non_empty,
         help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0], 'sensor_gps[1].eph' of the "
-        "second instance",
+        "second instance; or step-response; spectrum, spectrogram, with gyro, accel or topics of them; actuators; "
+        "thrust; innovations",
     )
     add_picture(parser, "a window")
     add_times(parser)
@@ -59,13 +61,16 @@ def _plot(options: argparse.Namespace) -> int:
     with needing("plot", "R102"):
         import matplotlib as mpl
 
+        from msggen.exports.pictures import PICTURES
         from msggen.recordings.log import plot
     check_picture(options)
     with opened(options, options.file) as log:
+        if options.fields[0] in PICTURES:
+            return _plot_kind(options, log)
+        _check_kind(options, log)
         with busy_bar(options, f"reading {options.file}"):
             series, empty = _read(options, log)
-        if not options.output and (not _has_display() or str(mpl.get_backend()).lower() in _WINDOWLESS):
-            refuse(options, f"no window can be shown here: write a file, -o {stem_of(options.file)}.png")
+        _check_window(options, mpl)
         if not options.quiet and any(plot.parse_path(log, path)[0].is_lent for path in options.fields):
             print_notes(options, log.notes)
         if empty:
@@ -74,8 +79,56 @@ def _plot(options: argparse.Namespace) -> int:
         if series and options.output:
             write_picture(options, _drawn(options, log, series))
         elif series:
-            _show(options, log, series)
+            _show(options, lambda figure: _drawn(options, log, series, figure))
         return FINDINGS if empty or log.problems else DONE
+
+
+def _check_kind(options: argparse.Namespace, log: Log) -> None:
+    """Report a word that is nearly the name of a picture."""
+    from msggen.exports.pictures import PICTURES
+
+    word = options.fields[0]
+    near = suggestion(word, PICTURES)
+    if near and "." not in word and word not in log:
+        refuse(options, f"argument FIELD: expected TOPIC.FIELD or the name of a picture, found '{word}'{near}")
+
+
+def _check_window(options: argparse.Namespace, mpl: Any) -> None:
+    if not options.output and (not _has_display() or str(mpl.get_backend()).lower() in _WINDOWLESS):
+        refuse(options, f"no window can be shown here: write a file, -o {stem_of(options.file)}.png")
+
+
+def _plot_kind(options: argparse.Namespace, log: Log) -> int:
+    """Plot what analysis finds."""
+    import matplotlib as mpl
+
+    from msggen.exports.pictures import PICTURES, Span, draw
+
+    kind, *words = options.fields
+    if words and not PICTURES[kind].takes_sources:
+        refuse(options, f"argument FIELD: {kind} is a picture by itself: leave out {few(words)}")
+    span = Span(options.start, options.stop)
+    _check_window(options, mpl)
+    texts: list[str] = []
+    unsaid: list[str] = []
+
+    def drawn(figure: Any = None) -> Any:
+        made, *told = draw(log, kind, words, span, figure)
+        texts[:], unsaid[:] = told
+        return made
+
+    with busy_bar(options, f"reading {options.file}"):
+        figure = drawn()
+    print_problems(options, log.problems)
+    if figure is not None and options.output:
+        write_picture(options, figure)
+    if texts and not options.quiet:
+        print(*texts, sep="\n")
+    for text in unsaid:
+        print(f"{options.file}: {text}", file=sys.stderr)
+    if figure is not None and not options.output:
+        _show(options, drawn)
+    return FINDINGS if unsaid or log.problems else DONE
 
 
 def _read(options: argparse.Namespace, log: Log) -> tuple[Sequence[Series], Sequence[str]]:
@@ -94,10 +147,10 @@ def _has_display() -> bool:
     return sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")))
 
 
-def _show(options: argparse.Namespace, log: Log, series: Sequence[Series]) -> None:
+def _show(options: argparse.Namespace, draw: Callable[[Any], Any]) -> None:
     from matplotlib import pyplot as plt
 
-    _drawn(options, log, series, plt.figure(printable(os.path.basename(options.file))))
+    draw(plt.figure(printable(os.path.basename(options.file))))
     plt.show()
 
 
