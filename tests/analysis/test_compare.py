@@ -59,7 +59,7 @@ def test_what_differs_is_told(flights: dict[str, str], tmp_path: Path, px4_types
 
 def test_flights_are_aligned_at_the_takeoff_if_both_have_it(flights: dict[str, str]) -> None:
     moment = compared(flights["ulog"], flights["mcap"]).moment
-    assert moment == ("takeoff", pytest.approx(TAKEOFF), pytest.approx(TAKEOFF))
+    assert tuple(moment) == ("takeoff", pytest.approx(TAKEOFF), pytest.approx(TAKEOFF))
     assert compared(flights["ulog"], flights["rover"]).moment == ("start", 0, 0)
 
 
