@@ -109,6 +109,9 @@ def test_the_numbers_of_a_flight_are_those_that_were_flown(kind: str, request: p
     assert found["Largest tilt"] == f"{math.degrees(TURN):.0f}°"
     assert found["Time armed"] == "36.0 s"
     assert found["Battery"] == "96 to 24 %"
+    track = track_of(recorded)
+    assert track is not None
+    assert float(track.up.max()) == pytest.approx(HEIGHT)
 
 
 @pytest.mark.parametrize("kind", ["mcap", "ulog"])
@@ -296,6 +299,7 @@ def test_the_track_can_be_of_latitudes_and_longitudes(tmp_path: Path, px4_types:
     degree = math.pi / 180 * 6_371_000
     assert track.north[10] == pytest.approx(degree * 1e-3, rel=1e-3)
     assert track.east[10] == pytest.approx(degree * 1e-3 * math.cos(math.radians(47)), rel=1e-3)
+    assert track.up.tolist() == [0.0] * 12
     assert track.east[11] == pytest.approx(-degree * 1e-4 * math.cos(math.radians(47)), rel=1e-2), "over the date line"
 
 

@@ -177,6 +177,25 @@ def test_two_flights_are_over_each_other_and_fit_a_telephone(browser: Chrome, tm
     assert ranges(browser) == {(1, 5)}
     assert browser.execute_script("return document.getElementById('track-interval').getAttribute('d')").count("M") == 2
     assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+    browser.find_element(CSS, "#view").click()
+    assert browser.find_element(CSS, "#space").is_displayed()
+    assert complaints(browser) == []
+
+
+@pytest.mark.night
+def test_the_track_turns_in_three_dimensions(browser: Chrome, page: Path) -> None:
+    from selenium.webdriver import ActionChains
+
+    browser.get(page.as_uri())
+    browser.find_element(CSS, "#view").click()
+    canvas = browser.find_element(CSS, "#space")
+    drawn = "return document.getElementById('space').toDataURL()"
+    before = browser.execute_script(drawn)
+    ActionChains(browser).drag_and_drop_by_offset(canvas, 90, 40).perform()
+    assert browser.execute_script(drawn) != before
+    browser.find_element(CSS, "#view").click()
+    assert browser.find_element(CSS, "#track").is_displayed()
+    assert not canvas.is_displayed()
     assert complaints(browser) == []
 
 
