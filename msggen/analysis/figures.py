@@ -29,6 +29,8 @@ class Track(NamedTuple):
     times: NDArray[np.float64]
     east: NDArray[np.float64]
     north: NDArray[np.float64]
+    up: NDArray[np.float64]
+    """Above the first height that is known; NaN where it is not known."""
     source: str
     """The topic."""
 
@@ -44,36 +46,47 @@ class Figure(NamedTuple):
 def track_of(recorded: Recorded) -> Track | None:
     """Return the track, None if the recording does not have positions."""
     planes = (
-        ("vehicle_local_position", "x", "y", "xy_valid"),
-        ("vehicle_odometry", "position[0]", "position[1]", ""),
+        ("vehicle_local_position", ("x", "y", "z"), ("xy_valid", "z_valid")),
+        ("vehicle_odometry", ("position[0]", "position[1]", "position[2]"), ("", "")),
     )
     globes = (
-        ("vehicle_global_position", "lat", "lon", 1.0),
-        ("sensor_gps", "latitude_deg", "longitude_deg", 1.0),
-        ("vehicle_gps_position", "latitude_deg", "longitude_deg", 1.0),
-        ("sensor_gps", "lat", "lon", 1e-7),
-        ("vehicle_gps_position", "lat", "lon", 1e-7),
+        ("vehicle_global_position", ("lat", "lon", "alt"), (1.0, 1.0)),
+        ("sensor_gps", ("latitude_deg", "longitude_deg", "altitude_msl_m"), (1.0, 1.0)),
+        ("vehicle_gps_position", ("latitude_deg", "longitude_deg", "altitude_msl_m"), (1.0, 1.0)),
+        ("sensor_gps", ("lat", "lon", "alt"), (1e-7, 1e-3)),
+        ("vehicle_gps_position", ("lat", "lon", "alt"), (1e-7, 1e-3)),
     )
     found = chain((_plane(recorded, *each) for each in planes), (_globe(recorded, *each) for each in globes))
     return next(filter(None, found), None)
 
 
-def _plane(recorded: Recorded, topic: str, north: str, east: str, valid: str) -> Track | None:
-    x, y = recorded.column(topic, north), recorded.column(topic, east)
+def _plane(recorded: Recorded, topic: str, fields: tuple[str, str, str], valid: tuple[str, str]) -> Track | None:
+    x, y, z = (recorded.column(topic, field) for field in fields)
     if x is None or y is None:
         return None
-    x = x.where(recorded.column(topic, valid))
+    x = x.where(recorded.column(topic, valid[0]))
     mask = (np.abs(x.values) < _FARTHEST) & (np.abs(y.values) < _FARTHEST)
     if not mask.any():
         return None
-    return Track(x.times[mask], y.values[mask], x.values[mask], topic)
+    up = _up(z and z.where(recorded.column(topic, valid[1])), mask, -1.0)
+    return Track(x.times[mask], y.values[mask], x.values[mask], up, topic)
 
 
-def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale: float) -> Track | None:
-    lat, lon = recorded.column(topic, latitude), recorded.column(topic, longitude)
+def _up(height: Column | None, mask: NDArray[np.bool_], scale: float) -> NDArray[np.float64]:
+    """Return heights above the first one in m, for some samples."""
+    if height is None or len(height.values) != len(mask):
+        return np.full(int(mask.sum()), np.nan)
+    values = height.values[mask] * scale
+    known = values[np.isfinite(values)]
+    values = values - (known[0] if len(known) else 0.0)
+    return np.where(np.abs(values) < _FARTHEST, values, np.nan)
+
+
+def _globe(recorded: Recorded, topic: str, fields: tuple[str, str, str], scales: tuple[float, float]) -> Track | None:
+    lat, lon, alt = (recorded.column(topic, field) for field in fields)
     if lat is None or lon is None:
         return None
-    north, east = lat.values * scale, lon.values * scale
+    north, east = lat.values * scales[0], lon.values * scales[0]
     mask = (np.abs(north) <= _QUARTER) & (np.abs(east) <= 2 * _QUARTER) & ((north != 0) | (east != 0))
     fix = recorded.column(topic, "fix_type")
     if fix is not None:
@@ -82,7 +95,8 @@ def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale:
         return None
     north, east = np.radians(north[mask]), np.radians(east[mask])
     turn = (east - east[0] + np.pi) % (2 * np.pi) - np.pi  # across the date line, too
-    return Track(lat.times[mask], turn * np.cos(north[0]) * RADIUS, (north - north[0]) * RADIUS, topic)
+    east, north = turn * np.cos(north[0]) * RADIUS, (north - north[0]) * RADIUS
+    return Track(lat.times[mask], east, north, _up(alt, mask, scales[1]), topic)
 
 
 def figures_of(recorded: Recorded, track: Track | None) -> list[Figure]:

@@ -257,7 +257,10 @@
 
   // the track, and what is at the cursor
 
-  const tracks = data.flights.filter((each) => each.track).map(({ track }) => ({ times: times(track[0]), east: floats(track[1]), north: floats(track[2]) }));
+  const tracks = data.flights.filter((each) => each.track).map(({ name, track, modes }) => ({
+    times: times(track[0]), east: floats(track[1]), north: floats(track[2]), up: track[3] && floats(track[3]), modes,
+    number: name === "B" ? 1 : 0,
+  }));
   const index = (track, time) => {
     let low = 0;
     let high = track.times.length;
@@ -281,6 +284,7 @@
   function drawInterval() {
     const path = find("#track-interval");
     if (!path) return;
+    drawSpace();
     path.setAttribute("d", isWhole() ? "" : tracks.map(intervalOf).join(""));
     find("#track").classList.toggle("is-part", !isWhole());
   }
@@ -293,17 +297,135 @@
   function point(time) {
     const dot = find("#track-dot");
     if (dot) dot.setAttribute("d", tracks.map((track) => dotOf(track, time)).join(""));
+    space.time = time;
+    drawSpace();
     find("#at-cursor").textContent = time === null ? "" : factsAt(time).filter(Boolean).join(" · ");
   }
+
+  const modeAt = (modes, time) => modes.find((each) => each[2] <= time && time < each[3]);
 
   function factsAt(time) {
     const near = (view.high - view.low) / 100;
     const mark = data.marks.find((each) => Math.abs(each[0] - time) < near);
     const modes = data.flights.map(({ name, modes }) => {
-      const mode = modes.find((each) => each[2] <= time && time < each[3]);
+      const mode = modeAt(modes, time);
       return mode ? (name && name + ": ") + mode[0] : "";
     });
     return [clock(time, 2), ...modes, mark ? mark[2] : ""];
+  }
+
+  // the track in three dimensions: turned by dragging
+
+  const space = { turn: 0.6, tilt: 0.5, time: null };
+  const canvas = find("#space");
+  const bounds = [Infinity, -Infinity, Infinity, -Infinity, 0, 0]; // of east, north and up
+  for (const { east, north, up } of tracks) {
+    [east, north, up || []].forEach((values, axis) => {
+      for (const each of values) {
+        if (each < bounds[2 * axis]) bounds[2 * axis] = each;
+        if (each > bounds[2 * axis + 1]) bounds[2 * axis + 1] = each;
+      }
+    });
+  }
+
+  function stretchesOf({ times, modes, number }) {
+    // colours, and the places at which they begin and end: those of the flight modes, or of a flight of two
+    const found = [];
+    const add = (colour, begin, end) => end > begin && found.push([colour, begin, Math.min(end, times.length - 1)]);
+    if (data.flights.length > 1) return [[number, 0, times.length - 1]];
+    let place = 0;
+    for (const [, colour, begin, end] of modes) {
+      const [first, next] = [index({ times }, begin) + 1, index({ times }, end) + 1];
+      add(8, place, first);
+      add(colour, Math.max(first, place), next);
+      place = Math.max(next, place);
+    }
+    add(8, place, times.length);
+    return found;
+  }
+
+  function drawSpace() {
+    if (!canvas || canvas.hidden) return;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    canvas.width = width * devicePixelRatio;
+    canvas.height = height * devicePixelRatio;
+    const ctx = canvas.getContext("2d");
+    ctx.scale(devicePixelRatio, devicePixelRatio);
+    const [middleEast, middleNorth, middleUp] = [0, 2, 4].map((at) => (bounds[at] + bounds[at + 1]) / 2);
+    const size = Math.max(Math.hypot(bounds[1] - bounds[0], bounds[3] - bounds[2]), bounds[5] - bounds[4], 2);
+    const scale = (0.85 * Math.min(width, height * 1.4)) / size;
+    const [sine, cosine, lift, flat] = [Math.sin(space.turn), Math.cos(space.turn), Math.cos(space.tilt), Math.sin(space.tilt)];
+    const at = (east, north, up) => {
+      const right = (east - middleEast) * cosine - (north - middleNorth) * sine;
+      const away = (east - middleEast) * sine + (north - middleNorth) * cosine;
+      return [width / 2 + scale * right, height / 2 - scale * (away * flat + (up - middleUp) * lift)];
+    };
+    const line = (style, wide, alpha, points) => {
+      ctx.strokeStyle = style;
+      ctx.lineWidth = wide;
+      ctx.globalAlpha = alpha;
+      ctx.beginPath();
+      points.forEach((point, number) => (number ? ctx.lineTo(...point) : ctx.moveTo(...point)));
+      ctx.stroke();
+    };
+    const dot = (style, radius, [left, top], isRing) => {
+      ctx.globalAlpha = 1;
+      ctx.beginPath();
+      ctx.arc(left, top, radius, 0, 7);
+      ctx.lineWidth = 4;
+      ctx.fillStyle = ctx.strokeStyle = style;
+      if (isRing) ctx.stroke();
+      else ctx.fill();
+    };
+    const step = 10 ** Math.floor(Math.log10(size / 2)); // of the grid on the ground
+    for (let way = -10; way <= 10; way++) {
+      const [east, north] = [step * (Math.round(middleEast / step) + way), step * (Math.round(middleNorth / step) + way)];
+      if (Math.abs(east - middleEast) <= size / 2) line(colour("--line"), 1, 1, [at(east, middleNorth - size / 2, 0), at(east, middleNorth + size / 2, 0)]);
+      if (Math.abs(north - middleNorth) <= size / 2) line(colour("--line"), 1, 1, [at(middleEast - size / 2, north, 0), at(middleEast + size / 2, north, 0)]);
+    }
+    for (const track of tracks) {
+      const up = (place) => (track.up && Number.isFinite(track.up[place]) ? track.up[place] : 0);
+      const point = (place) => at(track.east[place], track.north[place], up(place));
+      const ground = (place) => at(track.east[place], track.north[place], 0);
+      const last = track.times.length - 1;
+      const places = [...track.times.keys()];
+      line(colour("--faint"), 1, 0.5, places.map(ground));
+      for (let each = 0; each <= 40; each++) {
+        const place = Math.round((each / 40) * last);
+        line(colour("--faint"), 1, 0.4, [ground(place), point(place)]);
+      }
+      track.stretches = track.stretches || stretchesOf(track);
+      for (const [number, begin, end] of track.stretches) {
+        line(colour("--mode-" + number), 2.5, 1, places.slice(begin, end + 1).map(point));
+      }
+      dot("#2aa860", 8, point(0), true);
+      dot(colour("--bad"), 5, point(last));
+      const now = space.time === null ? -1 : index(track, space.time);
+      if (now >= 0) dot(colour("--text"), 6, point(now));
+    }
+    ctx.globalAlpha = 1;
+    ctx.fillStyle = colour("--faint");
+    ctx.font = "12px system-ui, sans-serif";
+    ctx.fillText("grid " + step + " m; drag to turn", 10, height - 10);
+    ctx.fillText("N", ...at(middleEast, middleNorth + size / 2, 0));
+  }
+
+  if (canvas && tracks.some((each) => each.up)) {
+    const button = find("#view");
+    button.hidden = false;
+    button.addEventListener("click", () => {
+      canvas.hidden = !canvas.hidden;
+      find("#track").style.display = canvas.hidden ? "" : "none";
+      button.textContent = canvas.hidden ? "In 3D" : "From above";
+      drawSpace();
+    });
+    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+    canvas.addEventListener("pointermove", (event) => {
+      if (!event.buttons) return;
+      space.turn -= event.movementX / 150;
+      space.tilt = Math.min(Math.max(space.tilt + event.movementY / 150, 0), Math.PI / 2);
+      drawSpace();
+    });
   }
 
   // the page
@@ -329,10 +451,10 @@
       if (wide && wide !== plot.width) plot.setSize({ width: wide, height: heightOf(wide) });
     }
   }
-  addEventListener("resize", () => resize());
+  addEventListener("resize", () => (resize(), drawSpace()));
   addEventListener("beforeprint", () => {
     elements.forEach(draw);
-    resize(660);
+    resize(340); // two columns on a page
   });
   addEventListener("afterprint", () => resize());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {

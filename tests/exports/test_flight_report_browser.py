@@ -12,10 +12,11 @@ import pytest
 
 from msggen import recordings
 from msggen.exports.report.page import report
+from msggen.exports.report.pair import report_of_both
 from support.browser import CSS, complaints, prefer, resize, wait_for
 from support.examples import by_day
 from support.markup_attacks import ATTACKS
-from support.report_flights import DURATION, FAILSAFE, write_ulog
+from support.report_flights import DURATION, FAILSAFE, TAKEOFF, write_mcap, write_ulog
 
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
@@ -162,6 +163,40 @@ def test_a_report_fits_a_telephone(browser: Chrome, page: Path, width: int) -> N
     assert browser.execute_script("return document.documentElement.scrollWidth") <= width
     wide = "[...document.querySelectorAll('.uplot, table')].filter((each) => each.offsetWidth > innerWidth).length"
     assert browser.execute_script(f"return {wide}") == 0
+
+
+def test_two_flights_are_over_each_other_and_fit_a_telephone(browser: Chrome, tmp_path: Path, px4_types: Any) -> None:
+    path = write_ulog(tmp_path / "flight.ulg", px4_types, {"parameter": "P" + "y" * 200, "ver_hw": "x" * 400})
+    with recordings.open(path) as one, recordings.open(write_mcap(tmp_path / "other.mcap", px4_types)) as other:
+        (tmp_path / "both.html").write_text(report_of_both(one, other), encoding="utf-8")
+    resize(browser, 390)
+    opened(browser, tmp_path / "both.html")
+    low, high = browser.execute_script(f"return {_VIEW}")
+    assert (low, high - low) == (pytest.approx(-TAKEOFF, abs=0.1), pytest.approx(DURATION, abs=0.6))
+    browser.execute_script("flightReport.show(1, 5); window.scrollTo(0, document.body.scrollHeight)")
+    assert ranges(browser) == {(1, 5)}
+    assert browser.execute_script("return document.getElementById('track-interval').getAttribute('d')").count("M") == 2
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+    browser.find_element(CSS, "#view").click()
+    assert browser.find_element(CSS, "#space").is_displayed()
+    assert complaints(browser) == []
+
+
+@pytest.mark.night
+def test_the_track_turns_in_three_dimensions(browser: Chrome, page: Path) -> None:
+    from selenium.webdriver import ActionChains
+
+    browser.get(page.as_uri())
+    browser.find_element(CSS, "#view").click()
+    canvas = browser.find_element(CSS, "#space")
+    drawn = "return document.getElementById('space').toDataURL()"
+    before = browser.execute_script(drawn)
+    ActionChains(browser).drag_and_drop_by_offset(canvas, 90, 40).perform()
+    assert browser.execute_script(drawn) != before
+    browser.find_element(CSS, "#view").click()
+    assert browser.find_element(CSS, "#track").is_displayed()
+    assert not canvas.is_displayed()
+    assert complaints(browser) == []
 
 
 @pytest.mark.night

@@ -347,7 +347,8 @@ def _track(track: Track | None, axis: Axis) -> list[str] | None:
     if track is None:
         return None
     kept = spread(track.times, MOST_OF_TRACK)
-    return [_packed_times(track.times[kept], axis), _packed(track.east[kept]), _packed(track.north[kept])]
+    heights = [_packed(track.up[kept])] if np.isfinite(track.up).any() else []
+    return [_packed_times(track.times[kept], axis), _packed(track.east[kept]), _packed(track.north[kept]), *heights]
 
 
 def _packed_times(times: NDArray[np.float64], axis: Axis) -> str:

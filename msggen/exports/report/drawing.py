@@ -95,7 +95,7 @@ def _drawing(
         paths,
         "".join(f"M{_point(right[0], down[0])}h0" for right, down in lines),
         "".join(f"M{_point(right[-1], down[-1])}h0" for right, down in lines),
-        f"North is up. A square of the grid is {step:g} m wide. {text}",
+        f"From above, north is up. A square of the grid is {step:g} m wide. {text}",
         f"The track: {wide:.0f} m from west to east, {high:.0f} m from south to north",
     )
 

@@ -6,7 +6,7 @@ import os
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -180,12 +180,12 @@ class Page(Shell):
         """The track, None if there are no positions."""
         return None if self.flown is None else drawing_of(self.flown, self.timeline)
 
-    @property
+    @cached_property
     def axis(self) -> Axis:
         """The time axis."""
         return Axis(0.0, self.recorded.duration or 1.0)
 
-    @property
+    @cached_property
     def strips(self) -> list[Strip]:
         """What happened when."""
         return [strip_of("", self.timeline, self.axis)]
@@ -276,6 +276,7 @@ def report(log: Log) -> str:
         return template_of("report").render(page=Page(flight, charts))
 
 
+@cache
 def template_of(name: str) -> jinja2.Template:
     """Return the template of a page. All that it shows is escaped, and texts are cut, except for what is drawn."""
     loader = jinja2.FileSystemLoader(resource("templates"))

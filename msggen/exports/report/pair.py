@@ -68,7 +68,7 @@ class Both(Shell):
             parts = name, facts["Vehicle"], facts["Start"], facts["Firmware"]
             yield f"{side}: {' · '.join(filter(None, parts))}"
 
-    @property
+    @cached_property
     def axis(self) -> Axis:
         """The time axis: 0 is the moment at which the flights are compared."""
         moments = self.comparison.moment.first, self.comparison.moment.second
@@ -76,7 +76,7 @@ class Both(Shell):
         end = max(flight.duration - moment for flight, moment in zip(self.flights, moments, strict=True))
         return Axis(begin, end - begin or 1.0)
 
-    @property
+    @cached_property
     def strips(self) -> list[Strip]:
         """What happened in each flight."""
         return [strip_of(each.name, each.timeline, self.axis) for each in self.shown]

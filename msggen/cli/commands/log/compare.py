@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.diagnostics import few, printable
+from msggen.base.diagnostics import counted, few, printable
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
 from msggen.cli.commands.log.arguments import CODES, add_file
@@ -79,10 +79,10 @@ def _print(comparison: Comparison, logs: Sequence[Log]) -> None:
     _print_table("parameter", shared)
     for side, place in zip(SIDES, (1, 2), strict=True):
         names = [each.name for each in comparison.parameters if each[3 - place] is None]
-        _print_names(f"parameters only in {side}", names)
+        _print_names("parameter", side, names)
     _print_table("topic, Hz", comparison.rates, _rate)
     for side, topics in zip(SIDES, comparison.topics, strict=True):
-        _print_names(f"topics only in {side}", topics)
+        _print_names("topic", side, topics)
 
 
 def _lines(told: Told) -> Iterator[str]:
@@ -122,9 +122,9 @@ def _print_table(heading: str, rows: Sequence[Difference], form: Callable[[Value
         )
 
 
-def _print_names(title: str, names: Sequence[str]) -> None:
+def _print_names(noun: str, side: str, names: Sequence[str]) -> None:
     if names:
-        print(printable(f"{len(names)} {title}: {few(list(names))}"))
+        print(printable(f"{counted(len(names), noun)} only in {side}: {few(list(names))}"))
 
 
 def _document(comparison: Comparison, logs: Sequence[Log]) -> dict[str, Any]:
