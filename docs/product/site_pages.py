@@ -44,6 +44,7 @@ GROUPS = {
         "docs/recordings",
         "docs/report",
         "docs/reading",
+        "docs/assistants",
         "docs/stores",
         "docs/fleet",
         "docs/recording_formats",
