@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from fnmatch import fnmatchcase
 from itertools import chain
 from pathlib import Path
@@ -33,15 +32,13 @@ class Places:
             if self._has_address(path):
                 return path
         else:
-            with suppress(ValueError):  # characters that no path has
-                found = [os.path.realpath(folder / path) for folder in self._folders]
-                inside = [each for each in found if self._is_inside(each)]
-                for each in inside:
-                    if os.path.exists(each):
-                        return each
-                if inside:
-                    hint = path_hint(inside[0], is_meant=os.path.exists)
-                    raise input_error(path, "R102", f"cannot be read: there is no such file{hint}", 0)
+            inside = [each for each in (_real(folder / path) for folder in self._folders) if self._is_inside(each)]
+            found = next(filter(os.path.exists, inside), None)
+            if found is not None:
+                return found
+            if inside:
+                hint = path_hint(inside[0], is_meant=os.path.exists)
+                raise input_error(path, "R102", f"cannot be read: there is no such file{hint}", 0)
         shown = few([*map(str, self._folders), *map(shown_address, self._addresses)])
         text = f"only what is below {shown} is read" if shown else "nothing is read: name folders, `msggen mcp FOLDER`"
         raise input_error(shown_address(path), "R102", text, 0)
@@ -51,16 +48,20 @@ class Places:
         for place in (*map(str, self._folders), *self._addresses):
             found = [Found(place)] if os.path.isfile(place) else find_recordings(place)
             for path, error in found:
-                is_readable = not error and (is_address(path) or self._is_inside(os.path.realpath(path)))
+                is_readable = not error and (is_address(path) or self._is_inside(_real(path)))
                 if is_readable and fnmatchcase(path, pattern):
                     yield path
 
     def _is_inside(self, path: str) -> bool:
         """Whether a path without links is below a folder that is named, with all that is read with it."""
+        if not self._is_below(path):
+            return False
         below = (os.path.join(folder, name) for folder, *found in os.walk(path) for name in chain(*found))
         beside = (path + ending for ending in LOGS)
-        read = [path, *(os.path.realpath(each) for each in chain(below, beside) if os.path.islink(each))]
-        return all(any(Path(each).is_relative_to(folder) for folder in self._folders) for each in read)
+        return all(self._is_below(_real(each)) for each in chain(below, beside) if os.path.islink(each))
+
+    def _is_below(self, path: str) -> bool:
+        return any(Path(path).is_relative_to(folder) for folder in self._folders)
 
     def _has_address(self, path: str) -> bool:
         for place in self._addresses:
@@ -71,3 +72,11 @@ class Places:
             if path == place or (rest != path and is_plain):
                 return True
         return False
+
+
+def _real(path: str | Path) -> str:
+    """Return a path without links, "" for one that no file can have or whose links may not be read."""
+    try:
+        return os.path.realpath(path)
+    except (OSError, ValueError):
+        return ""

@@ -220,7 +220,21 @@ def outside(tmp_path: Path, here: Path) -> Path:
     "path",
     [
         *("../outside/flight.mcap", "{}/flight.mcap", "{}", "link.mcap", "folder/flight.mcap", "bag", "bag/bag_0.mcap"),
-        *("a.db3", "..", "/etc/passwd", "/dev/stdin", "\0", "a\0", "\ud800", "-", "~/x", "a" * 5000, "../missing"),
+        *(
+            "a.db3",
+            "..",
+            "/",
+            "/proc/1",
+            "/etc/passwd",
+            "/dev/stdin",
+            "\0",
+            "a\0",
+            "\ud800",
+            "-",
+            "~/x",
+            "a" * 5000,
+            "../missing",
+        ),
         *("s3://bucket/a.ulg", "https://example.com/a.ulg", "file:///etc/passwd"),
     ],
 )
