@@ -84,10 +84,8 @@ class Tools:
         """List the recordings that can be read, of which the path fits a pattern such as *2026-11-2?*.ulg."""
         with self._lock, _errors("recordings"):
             found = list(islice(self._places.recordings(pattern), _MOST_FOUND + 1))
-        rows = [
-            {"path": each, "bytes": None if is_address(each) else state_of(each).size} for each in found[:_MOST_FOUND]
-        ]
-        return answer({"recordings": rows, "has_more": len(found) > _MOST_FOUND})
+            rows = [{"path": each, "bytes": None if is_address(each) else state_of(each).size} for each in found]
+        return answer({"recordings": rows[:_MOST_FOUND], "has_more": len(found) > _MOST_FOUND})
 
     def log_info(self, path: str, topic: str = "") -> str:
         """Tell what a recording has: times, vehicle, firmware, and its topics with rates.
@@ -186,7 +184,7 @@ class Server(MCPServer[Any]):
         try:
             return await super().call_tool(name, arguments, context)
         except ToolError as error:
-            if isinstance(error, UnexpectedToolError) and not isinstance(error.__cause__, InputError):
+            if isinstance(error, UnexpectedToolError) and not isinstance(error.__cause__, (InputError, OSError)):
                 raise
             raise ToolError(printable("; ".join(_texts(name, error)))) from None
 
@@ -198,6 +196,8 @@ def _texts(tool: str, error: ToolError) -> Iterator[str]:
         yield from map(str, cause.diagnostics)
     elif isinstance(cause, ValidationError):
         yield from (f"{tool}: {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in cause.errors())
+    elif isinstance(cause, OSError):
+        yield f"{cause.filename}: {cause.strerror}" if cause.filename else f"{tool}: {cause}"
     else:
         yield str(error)
 

@@ -17,9 +17,11 @@ from msggen import recordings
 from msggen.base.diagnostics import InputError
 from msggen.cli import main
 from msggen.mcp.answers import LONGEST, answer
+from msggen.mcp.definitions import Definitions
 from msggen.mcp.places import Places
 from msggen.mcp.server import TOOLS
 from support.assistant import call, error, image, server, text, told
+from support.catalogs import write_definitions
 from support.log_files import Written, write_log
 from support.written import write_recording
 
@@ -91,6 +93,20 @@ def test_a_service_and_another_release_are_described() -> None:
     assert service["message"] == "VehicleCommand"
     assert "did you mean 'VehicleStatus'?" in error(server(), "definition", name="VehicleStatu")
     assert "S105" in error(server(), "definition", name="VehicleStatus", release="v1.99")
+
+
+def test_the_firmware_that_is_named_has_its_own_messages(tmp_path: Path) -> None:
+    write_definitions(tmp_path, {"Lamp.msg": "uint64 timestamp\nfloat32 heat  # [K] of the bulb\n"})
+    found = Definitions(str(tmp_path))
+    assert [each.get("unit") for each in found.definition("lamp", "")["fields"]] == [None, "K"]
+    assert [each["name"] for each in found.search("bulb heat", "")] == ["Lamp.heat"]
+    with pytest.raises(InputError, match=r"nothing is called 'Lamp' in v1\.18"):
+        found.definition("Lamp", "v1.18")
+
+
+def test_an_error_of_the_system_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Definitions, "definition", lambda *_: os.listdir("/none"))
+    assert error(server(), "definition", name="a") == "/none: No such file or directory"
 
 
 def test_words_find_fields_and_messages() -> None:

@@ -59,7 +59,7 @@ def _mcp(options: argparse.Namespace) -> int:
 
     log_to_stderr("mcp")
     server = make_server(options.places, options.px4 or "", Commands(object_of, doctor))
-    before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # a thread of the SDK waits for a line, and for nothing else
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # a thread of the SDK waits for a line until one comes
     try:
         server.run()
     finally:
