@@ -45,6 +45,7 @@ GROUPS = {
         "docs/report",
         "docs/findings",
         "docs/reading",
+        "docs/assistants",
         "docs/stores",
         "docs/fleet",
         "docs/recording_formats",

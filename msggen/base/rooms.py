@@ -39,9 +39,10 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "doctor",
         ),
         "lsp": ("base", "definitions", "sources", "check", "generate.bump", "show"),
+        "mcp": ("base", "definitions", "sources", "recordings", "analysis", "exports", "show"),
         "cli": (
             *("base", "definitions", "sources", "check", "generate", "link", "messages", "vehicle", "sim"),
-            *("flight", "recordings", "analysis", "exports", "ros", "doctor", "show", "lsp"),
+            *("flight", "recordings", "analysis", "exports", "ros", "doctor", "show", "lsp", "mcp"),
         ),
     }
 )

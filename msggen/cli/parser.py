@@ -26,7 +26,7 @@ _GROUPS = {
     "Types": ("build", "render", "docs", "px4-generate"),
     "Firmware in step": ("sync", "check", "breaking", "lint", "bump", "lsp"),
     "Vehicle": ("topic", "top", "view", "command", "call", "doctor", "link", "relay", "sim", "mission"),
-    "Recordings": ("record", "play", "log"),
+    "Recordings": ("record", "play", "log", "mcp"),
     "Help": ("releases", "settings", "rules", "explain", "completion"),
 }
 """The commands by the group in the help."""

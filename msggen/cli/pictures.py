@@ -24,13 +24,13 @@ def add_picture(group: Group, otherwise: str) -> None:
     group.add_argument("-o", "--output", metavar="FILE", type=local_path, help=text)
 
 
-def import_matplotlib(code: str) -> None:
-    """Import matplotlib. Raises InputError with this code if the extra is not installed.
+def import_matplotlib(code: str, extra: str = "plot") -> None:
+    """Import matplotlib. Raises InputError with this code if an extra is not installed.
 
     Stands in a folder of msggen without modules meanwhile if the current folder has a matplotlibrc. matplotlib reads
     it when it is imported, and with it would run LaTeX, listen on a port, import modules, or wait for a pipe.
     """
-    with needing("plot", code), _elsewhere():
+    with needing(extra, code), _elsewhere():
         import matplotlib as mpl
     del mpl
 

@@ -240,6 +240,7 @@ WORDS = {
     "play": ["a.ulg"],
     "px4-generate": ["-y", "dds_topics.yaml", "-t", "a.em", "-o", "a.h"],
     "render": ["--template", "a.j2", "-o", "out"],
+    "mcp": ["none"],
     "sim": ["--for", "0.01", "--count", "1"],
     "sync": ["px4_msgs"],
     "topic plot": ["vehicle_status.nav_state", "--wait", "0.01"],

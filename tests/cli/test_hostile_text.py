@@ -134,6 +134,7 @@ CASES: dict[str, list[list[str]]] = {
     "px4-generate": [["--headers", "-f", f"{FILE}.px4/msg/Rpm.msg", "-i", FILE, "-e", FILE, "-o", FILE], [NAME]],
     "record": [["--for", "0.3", "-o", f"{FILE}.rec.mcap"], ["--for", "0.3", "--json", "-o", f"{FILE}.j.mcap"], [NAME]],
     "lsp": [[NAME]],
+    "mcp": [[NAME], [FILE, NAME]],
     "relay": [[NAME]],
     "releases": [[], [NAME]],
     "render": [

@@ -41,6 +41,7 @@ COMMANDS = {
     "topic plot": ("topic", "plot", "a.b", "--for", "1"),
     "store": ("log", "info", "http://127.0.0.1:9/flight.mcap"),
     "view": ("view", "flight.mcap"),
+    "mcp": ("mcp", "."),
 }
 TABLES = ("parquet", "arrow", "comma", "fleet", "compact")
 MCAP = ("mcap", "rosbag2", "sqlite3", "cut", "merge", "repair", "record")
@@ -49,6 +50,7 @@ MISSING = [
     ("view", "numpy", "view"),
     ("view", "zstandard", "view"),
     ("view", "foxglove", "view"),
+    *(("mcp", name, "mcp") for name in ("mcp", "matplotlib", "numpy", "zstandard")),
     ("store", "botocore", "stores"),
     ("dask", "distributed", "dask"),
     ("plot", "matplotlib", "plot"),

@@ -130,7 +130,7 @@ def test_the_help_has_the_commands_in_groups(capsys: pytest.CaptureFixture[str])
     assert {"build", "docs"} < {*found["Types"]}
     assert {"sync", "check", "breaking"} < {*found["Firmware in step"]}
     assert {"topic", "doctor", "sim"} < {*found["Vehicle"]}
-    assert found["Recordings"] == ["record", "play", "log"]
+    assert found["Recordings"] == ["record", "play", "log", "mcp"]
 
 
 PAGES = {command: command for command in ("build", "sync", "check", "bump", "render")}

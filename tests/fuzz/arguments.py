@@ -23,7 +23,9 @@ from support.scratch import inside, scratch_folder
 
 COUNT = 150
 
-ON_A_LINK = frozenset(("sim", "link", "topic", "top", "command", "call", "record", "play", "view", "doctor", "relay"))
+ON_A_LINK = frozenset(
+    ("sim", "link", "topic", "top", "command", "call", "record", "play", "view", "doctor", "relay", "mcp")
+)
 COMMANDS = tuple(name for name in _MODULES if name not in ON_A_LINK)
 """The commands that end by themselves, and need no other process."""
 

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from msggen import recordings
-from msggen.cli.commands.log.info import field_objects
+from msggen.cli.commands.log.fields import field_objects
 from msggen.exports.convert import convert
 from msggen.recordings.columns.annotations import annotations_of
 from msggen.recordings.columns.text import Printer

@@ -19,9 +19,10 @@ from msggen.cli.values import non_empty
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from types import ModuleType
 
+    from msggen.check.finding import Report
     from msggen.doctor.expected import Expected
     from msggen.doctor.observation import Observation
     from msggen.link.address import Address
@@ -68,16 +69,27 @@ def add_to(commands: Commands) -> None:
 
 
 def _doctor(options: argparse.Namespace) -> int:
+    options.output_format = "json" if options.json else options.output_format
+    is_brief = options.output_format in _FOR_PEOPLE and not options.verbose
+    report = report_on(options, options.topics, getattr(options, "for") or _SECONDS, is_brief=is_brief)
+    print_report(report, options)
+    return FINDINGS if report.fails else DONE
+
+
+def report_on(options: argparse.Namespace, topics: Sequence[str], seconds: float, *, is_brief: bool = False) -> Report:
+    """Watch the link that the options of `add_link` name, and return what is wrong on it. Raises InputError.
+
+    With `is_brief`, findings that follow from another release of the vehicle are left out.
+    """
     from msggen.doctor.case import Case
     from msggen.doctor.decoding import decoded
     from msggen.doctor.diagnose import diagnose
     from msggen.doctor.watching import look_around
 
-    options.output_format = "json" if options.json else options.output_format
     own = _of_package_without_topics(options)
     given = None if own else known_types(options)
     address = _address(options)
-    seen = _observe(options, address, getattr(options, "for") or _SECONDS)
+    seen = _observe(options, address, seconds)
     seen = look_around(seen, address._replace(port=seen.port))
     seen = decoded(seen, lambda vehicle: _packages(given and given.package, vehicle.release))
     expected: Mapping[int, Expected]
@@ -90,10 +102,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
         numbers = (each.remote.number for each in seen.vehicles)
         expected = dict.fromkeys(numbers, expected_of(given.package, given.label, is_given=True))
-    is_brief = options.output_format in _FOR_PEOPLE and not options.verbose
-    report = diagnose(Case(seen, expected, tuple(options.topics), _selection(options)), is_brief=is_brief)
-    print_report(report, options)
-    return FINDINGS if report.fails else DONE
+    return diagnose(Case(seen, expected, tuple(topics), _selection(options)), is_brief=is_brief)
 
 
 def _address(options: argparse.Namespace) -> Address:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import logging
-from typing import Any
 
 from msggen.base.exit_codes import DONE
+from msggen.cli.logs import log_to_stderr
 from msggen.cli.options import FAILED_CODES, Commands, add_command
 from msggen.cli.packages import needing
 
@@ -25,21 +24,11 @@ def add_to(commands: Commands) -> None:
     )
 
 
-class _OneLine(logging.Formatter):
-    """A log with an exception in one line."""
-
-    def formatException(self, ei: Any) -> str:  # noqa: N802 - the name in logging
-        """Return the name and the text of an exception."""
-        return f"  {ei[0].__name__}: {ei[1]}".replace("\n", " ")
-
-
 def _lsp(options: argparse.Namespace) -> int:
     del options
     with needing("lsp", "L111"):
         from msggen.lsp.features import make_server
 
-    log = logging.StreamHandler()
-    log.setFormatter(_OneLine("msggen lsp: %(message)s"))
-    logging.basicConfig(level=logging.WARNING, handlers=[log])
+    log_to_stderr("lsp")
     make_server().start_io()
     return DONE

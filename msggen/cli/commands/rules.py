@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 
-from msggen.base.diagnostics import CODES, input_error, suggestion
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
 from msggen.cli.options import Commands, add_command, add_output_format
@@ -49,26 +48,7 @@ def _rules(options: argparse.Namespace) -> int:
 
 
 def _explain(options: argparse.Namespace) -> int:
-    from msggen.check.finding import Category
-    from msggen.show.report.errors import explain_code, nearest_code
-    from msggen.show.report.examples import example_of
-    from msggen.show.report.rules import MARKS, explain_category, explain_mark, explain_rule
-    from msggen.show.report.table import RULES, named
+    from msggen.show.report.explained import explained
 
-    name, mark = options.rule.upper(), options.rule.lower()
-    rules = named(name)
-    if name in CODES:
-        print(Styled(explain_code(name, width=width())))
-    elif name in Category.__members__:
-        print(Styled(explain_category(Category[name], rules, width=width())))
-    elif rules:
-        print(Styled(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour(sys.stdout))))
-    elif mark in MARKS:
-        print(Styled(explain_mark(mark, width=width())))
-    elif nearest := nearest_code(name):
-        raise input_error("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
-    else:
-        known = [*(rule.id for rule in RULES), *Category.__members__, *MARKS, *CODES]
-        hint = suggestion(options.rule, known) or ": `msggen rules` lists them"
-        raise input_error("explain", "C104", f"unknown rule '{options.rule}'{hint}", 0)
+    print(Styled(explained(options.rule, width=width(), colour=colour(sys.stdout))))
     return DONE

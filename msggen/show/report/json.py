@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 def write_report(report: Report) -> str:
     """Return the whole report as JSON."""
-    document = {
+    return dump(report_object(report))
+
+
+def report_object(report: Report) -> dict[str, Any]:
+    """Return the whole report as an object of JSON."""
+    return {
         "previous": report.previous or None,
         "current": report.current,
         "summary": report.summary,
@@ -27,7 +32,6 @@ def write_report(report: Report) -> str:
         "messages": [_message(message) for message in report.messages],
         "findings": [_finding(finding) for finding in report.findings],
     }
-    return dump(document)
 
 
 def write_errors(errors: Sequence[Diagnostic]) -> str:

@@ -6,11 +6,12 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.base.diagnostics import counted, few, printable
+from msggen.base.diagnostics import counted, printable
 from msggen.base.disk.urls import is_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.commands.log.arguments import CODES, add_file
+from msggen.cli.commands.log.fields import field_objects, print_fields
 from msggen.cli.commands.log.opening import counted_samples, opened, print_problems, problem_object
 from msggen.cli.commands.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared
@@ -22,10 +23,7 @@ from msggen.show.report.json import dump
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from msggen.definitions.model import Message
     from msggen.recordings import Log, Topic
-    from msggen.recordings.columns.annotations import Annotation
-    from msggen.recordings.decode.schemas import Schema
     from msggen.recordings.source.facts import Facts
     from msggen.recordings.source.source import Checksums, Contents
 
@@ -203,8 +201,7 @@ def _times(log: Log) -> tuple[datetime | None, datetime | None]:
 def _print_topic(options: argparse.Namespace, log: Log, row: _Row) -> None:
     """Print a topic with its fields."""
     if options.json:
-        (made,) = objects_of(_COLUMNS, [row])
-        print(dump({**made, "fields": field_objects(row.topic)}))
+        print(dump(_topic_object(row)))
         return
     for name, text in _topic_rows(log, row):
         print(f"{name:<11} {printable(text)}")
@@ -290,6 +287,18 @@ def _sample_size(topic: Topic) -> int | None:
     return layout.size if layout else None
 
 
+def object_of(log: Log, topic: str = "") -> dict[str, Any]:
+    """Return what a recording has, or a topic of it with its fields, as an object of JSON. Raises RecordingError."""
+    if topic:
+        return _topic_object(_row(log, log.topic(topic), has_gaps=True))
+    return _object(log, [_row(log, each, has_gaps=False) for each in log.topics])
+
+
+def _topic_object(row: _Row) -> dict[str, Any]:
+    (made,) = objects_of(_COLUMNS, [row])
+    return {**made, "fields": field_objects(row.topic)}
+
+
 def _object(log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
     start, end = _times(log)
     facts = log.facts
@@ -333,61 +342,3 @@ def _object(log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
             {"time": (each.time - log.start) / 1e9, "duration": each.duration / 1e9} for each in facts.dropouts
         ]
     return made
-
-
-class _Field(NamedTuple):
-    name: str
-    """As `--field` takes it: `q`, `esc[0].esc_rpm`."""
-    type: str
-    about: Annotation
-
-
-def _values(field: _Field) -> dict[str, str]:
-    return {str(value): name for value, name in sorted(field.about.members.items())}
-
-
-_FIELD_COLUMNS: Sequence[Column[_Field]] = (
-    Column("name", "  name", lambda field: field.name, "  {}".format),
-    Column("type", "type", lambda field: field.type),
-    Column("unit", "unit", lambda field: "" if field.about.unit == "-" else field.about.unit),
-    Column("frame", "frame", lambda field: field.about.frame),
-    Column("values", "values", _values, lambda values: few([" ".join(each) for each in values.items()])),
-    Column("flags", "", lambda field: field.about.is_flags),
-)
-
-
-def print_fields(topic: Topic) -> None:
-    """Print the fields of a topic with types, units, frames and the names of values. Raises RecordingError."""
-    fields = _fields_of(topic)
-    print("fields")
-    print_table(_FIELD_COLUMNS, fields)
-
-
-def field_objects(topic: Topic) -> list[dict[str, Any]]:
-    """Return the fields of a topic as objects of JSON. Raises RecordingError."""
-    return objects_of(_FIELD_COLUMNS, _fields_of(topic))
-
-
-def _fields_of(topic: Topic) -> list[_Field]:
-    from msggen.recordings.decode.schemas import read_schema
-    from msggen.recordings.source.source import RecordingError, SchemaError
-
-    try:
-        schema = read_schema(topic.ros_type, topic.definition)
-    except SchemaError as error:
-        raise RecordingError(f"{topic.label} cannot be decoded: {error}") from None
-    return list(_fields(topic, schema, schema.message, ""))
-
-
-def _fields(topic: Topic, schema: Schema, message: Message, front: str) -> Iterator[_Field]:
-    """Yield the fields of a message. Of an array of messages, the first element stands for all."""
-    from msggen.definitions.model import ArrayKind
-    from msggen.recordings.columns.annotations import annotation_of
-
-    indices = {ArrayKind.SCALAR: "", ArrayKind.FIXED: "[0]"}
-    for field in message.fields:
-        name = front + field.name
-        yield _Field(name, str(field.type), annotation_of(topic, name))
-        if not field.type.is_primitive:
-            inner = f"{name}{indices.get(field.type.array, '[]')}."
-            yield from _fields(topic, schema, schema.catalog.nested(message, field.type), inner)
