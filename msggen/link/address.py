@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
@@ -34,10 +35,12 @@ class Address(NamedTuple):
     baud: int = BAUD
     agent: tuple[str, int] = ("127.0.0.1", AGENT_PORT)
     domain: int = 0
+    config: str = ""
 
     def __str__(self) -> str:
         place, agent = _joined(self.host, self.port), _joined(*self.agent)
-        return self.link_type.form.format(place=place, path=self.path, baud=self.baud, agent=agent, domain=self.domain)
+        values = {"path": self.path, "baud": self.baud, "domain": self.domain}
+        return self.link_type.filled(config=self.config, place=place, agent=agent, **values)
 
     @property
     def has_free_port(self) -> bool:
@@ -67,7 +70,10 @@ def parse_address(text: str, schemes: Collection[str] = tuple(LINK_TYPES)) -> Ad
     if link_type.has_domain:
         domain = _number(text, place or "0", "a DDS domain", _DOMAINS)
         return Address(scheme, domain=domain)
-    host, port = _place(text, place.rstrip("/"), PORT, can_be_free=link_type.can_be_free)
+    host, port = _place(text, place.rstrip("/"), link_type.port, can_be_free=link_type.can_be_free)
+    if link_type.has_router:
+        config = values.get("config", "")
+        return Address(scheme, host, port, config=os.path.abspath(config) if config else "")
     if not link_type.has_agent:
         return Address(scheme, host, port)
     agent = _place(text, values.get("agent", ""), AGENT_PORT)

@@ -33,6 +33,15 @@ class Route(NamedTuple):
     """`out` if PX4 publishes it, `in` if PX4 subscribes to it."""
     object_id: int
     """The number of the endpoint at the client: 12 bits (docs/xrce.md). -1 if the link has none."""
+    type_hash: str = ""
+    """The hash of the definition in ROS 2, `RIHS01_...`, if the link tells it: then the vehicle need not be asked."""
+    message_hash: int = 0
+    """The hash that PX4 compares, of the definition with that `type_hash`. 0 if no embedded release has it."""
+
+    @property
+    def has_surplus(self) -> bool:
+        """Whether further bytes can follow the message in a sample, because the link does not know its size."""
+        return bool(self.type_hash) and not self.message_hash
 
 
 class Service(NamedTuple):
@@ -52,17 +61,26 @@ class Remote(NamedTuple):
     number: int
     """Counts the vehicles that connected to this link, from 1."""
     address: str
-    """`127.0.0.1:40123`, the path of a serial device, or `domain 0`."""
+    """`127.0.0.1:40123`, the path of a serial device, `domain 0`, or the `guid`."""
     key: int
-    """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS."""
+    """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS and Zenoh."""
     namespace: str
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not told."""
     continued: bool
     """Whether the link continues a session that an earlier program began."""
+    guid: str = ""
+    """The unique id of the board in hexadecimal digits, which only Zenoh tells."""
+
+    @property
+    def identity(self) -> tuple[int, str, str]:
+        """What stays the same when the vehicle connects again."""
+        return self.key, self.namespace, self.guid
 
     def __str__(self) -> str:
         """Return the vehicle for people: `the vehicle at 127.0.0.1:40123 (key 1, namespace uav_1)`."""
         namespace = f", namespace {self.namespace}" if self.namespace else ""
+        if self.guid:
+            return f"the vehicle {self.guid}{namespace}"
         return f"the vehicle at {self.address} (key {self.key}{namespace})"
 
 

@@ -19,17 +19,22 @@ BAUD = 921600
 """The rate of TELEM2 in PX4's guide, in bit/s."""
 
 
+ROUTER_PORT = 7447
+"""The port of a Zenoh router by default."""
+
+
 class LinkType(NamedTuple):
     """A type of links. The module of `msggen.link` that is called as its scheme has it."""
 
     form: str
-    """The address, with names in braces: `place` and `agent` are a host and a port, `path` is that of a device."""
+    """The address, with names in braces: `place` and `agent` are a host and a port, `path` is that of a device, and
+    `config` that of a configuration of Zenoh."""
     link: str
     """The class in the module."""
     arguments: tuple[str, ...]
     """The attributes of an `Address` that are the positional arguments of the class."""
     options: tuple[str, ...]
-    """The keywords of the class, of `allow`, `keys`, `records` and `agent`."""
+    """The keywords of the class, of `allow`, `keys`, `records`, `agent` and `config`."""
     unheard: str = (
         "no client has sent anything to UDP port {port} {wait}: check that it sends to this computer "
         "(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {port}), and the firewall; {status}. "
@@ -67,7 +72,17 @@ class LinkType(NamedTuple):
     @property
     def has_port(self) -> bool:
         """Whether clients send datagrams to a UDP port of this computer."""
-        return "{place}" in self.form
+        return "{place}" in self.form and not self.has_router
+
+    @property
+    def has_router(self) -> bool:
+        """Whether a Zenoh router is at the host and the port, or this program if that port of its computer is free."""
+        return "{config}" in self.form
+
+    @property
+    def port(self) -> int:
+        """The port without another one."""
+        return ROUTER_PORT if self.has_router else PORT
 
     @property
     def can_be_free(self) -> bool:
@@ -92,15 +107,19 @@ class LinkType(NamedTuple):
     @property
     def example(self) -> str:
         """An address."""
-        place, agent = f"127.0.0.1:{PORT}", f"127.0.0.1:{AGENT_PORT}"
+        place, agent = f"127.0.0.1:{self.port}", f"127.0.0.1:{AGENT_PORT}"
         path = "/dev/ttyUSB0" if self.is_device else "/run/user/1000/msggen/udp-8888.socket"
-        return self.form.format(place=place, path=path, baud=BAUD, agent=agent, domain=0)
+        return self.filled(place=place, path=path, baud=BAUD, agent=agent, domain=0)
 
     @property
     def usage(self) -> str:
         """The address for a help text: `udp://HOST:PORT`."""
         path = "DEVICE" if self.is_device else "/PATH"
-        return self.form.format(place="HOST:PORT", path=path, baud="N", agent="HOST:PORT", domain="DOMAIN")
+        return self.filled(place="HOST:PORT", path=path, baud="N", agent="HOST:PORT", domain="DOMAIN")
+
+    def filled(self, *, config: str = "", **values: object) -> str:
+        """Return the address with values for the names in braces. Without a `config`, its key is left out."""
+        return self.form.format(config=config, **values).removesuffix("?config=")
 
 
 LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
@@ -127,6 +146,19 @@ LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
             is_shared=False,  # DDS shares by itself
             first_s=10.0,  # discovery takes longer
         ),
+        "zenoh": LinkType(
+            "zenoh://{place}?config={config}",
+            "ZenohLink",
+            ("host", "port"),
+            ("config",),
+            unheard="no vehicle is on Zenoh at {link} {wait}: check that PX4 v1.17 or later runs `zenoh start` "
+            "(ZENOH_ENABLE 1) and that zenoh/net.txt on its card has this computer's address, as in "
+            "client;tcp/10.41.10.1:{port}; a router drops v1.15 without a word (protocol 0x07), so update it. Without "
+            "a vehicle, `msggen sim --zenoh tcp/127.0.0.1:{port}` simulates one",
+            silence="check that PX4 v1.17 or later runs `zenoh start` (ZENOH_ENABLE 1), and that zenoh/net.txt on its "
+            "card has the address of this router; v1.15 cannot talk to it",
+            first_s=11.0,  # PX4 asks for a router every 5 s, and may wait 5 s for its network before
+        ),
         "unix": LinkType(
             "unix://{path}",
             "UnixLink",
@@ -145,6 +177,10 @@ DEFAULT = LINK_TYPES["udp"].example
 
 CLIENTS = tuple(scheme for scheme, each in LINK_TYPES.items() if each.has_clients)
 """The schemes of the addresses to which simulated vehicles and played recordings connect."""
+
+
+SIMULATED = (*CLIENTS, *(scheme for scheme, each in LINK_TYPES.items() if each.has_router))
+"""The schemes of the addresses to which simulated vehicles connect."""
 
 
 def usages(schemes: Iterable[str] = LINK_TYPES) -> str:

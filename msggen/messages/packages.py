@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
+_HEADER = 4
+"""The bytes of the encapsulation before a sample."""
+
+
 class Message(Protocol):
     """What msggen needs of a message class of a generated package (docs/package.md)."""
 
@@ -249,19 +253,33 @@ def _check_way(endpoint: Endpoint[Message], way: Way) -> None:
 
 
 def decoding_of(
-    topic: NamedTopic, ros_name: str, packages: Packages, message_hash: int | None, *, is_converted: bool
+    topic: NamedTopic, route: Route, packages: Packages, message_hash: int | None, *, is_converted: bool
 ) -> Decoding:
-    """Return how to decode the samples of a route with the name `ros_name`.
+    """Return how to decode the samples of a route.
 
     `message_hash` is the vehicle's hash of the definition, or None if it is not known. Raises FormatError if the given
     packages have no class with the vehicle's definition, or only one that the user has not asked for.
     """
-    version = version_of(ros_name)
     for cls, package in _candidates(topic, packages):
-        info = cls.__msg__
-        if info.message_version == version and message_hash in (None, info.message_hash):
-            return _accepted(topic, cls, package, ros_name, is_converted=is_converted)
-    raise UnknownFormatError(_difference(topic, ros_name, message_hash))
+        if has_definition(cls, route, message_hash):
+            found = _accepted(topic, cls, package, route.name, is_converted=is_converted)
+            return without_surplus(found) if route.has_surplus else found
+    raise UnknownFormatError(_difference(topic, route, message_hash))
+
+
+def has_definition(cls: type[Message], route: Route, message_hash: int | None) -> bool:
+    """Whether a class has the vehicle's definition of a route, as far as that is known."""
+    info = cls.__msg__
+    if route.has_surplus and route.type_hash.startswith("RIHS01_"):
+        return bool(info.type_hash == route.type_hash)
+    return info.message_version == version_of(route.name) and message_hash in (None, info.message_hash)
+
+
+def without_surplus(decoding: Decoding) -> Decoding:
+    """Return a decoding that leaves out what follows the message in a sample."""
+    size = _HEADER + (decoding.message.__msg__.cdr_size or 0)
+    decode = decoding.decode
+    return decoding._replace(decode=lambda payload: decode(payload[:size]))
 
 
 class UnknownFormatError(FormatError):
@@ -304,11 +322,13 @@ def _converter(topic: NamedTopic, package: ModuleType) -> Callable[[Any, Any], A
     raise FormatError(f"convert=True needs archived versions: build {topic.package.__name__} with --archived")
 
 
-def _difference(topic: NamedTopic, ros_name: str, message_hash: int | None) -> str:
+def _difference(topic: NamedTopic, route: Route, message_hash: int | None) -> str:
     info, name = topic.message.__msg__, f"{topic.package.__name__}.{topic.message.__name__}"
-    if version_of(ros_name) != info.message_version:
-        return f"the vehicle has '{ros_name}', and {name} is version {info.message_version}"
-    return difference(ros_name, message_hash, name, info.message_hash)
+    if route.has_surplus:
+        return f"the vehicle's definition of '{route.name}' has the hash {route.type_hash}, and {name} {info.type_hash}"
+    if version_of(route.name) != info.message_version:
+        return f"the vehicle has '{route.name}', and {name} is version {info.message_version}"
+    return difference(route.name, message_hash, name, info.message_hash)
 
 
 def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> str:
@@ -320,12 +340,16 @@ def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> st
 def check_sent(cls: type[Message], route: Route, known: int | None) -> None:
     """Raise FormatError if a message of `cls` is not what the vehicle reads from `route`."""
     info = cls.__msg__
+    if has_definition(cls, route, known):
+        return
+    own = f"{package_of_class(cls).__name__}.{cls.__name__}"
+    if route.has_surplus:
+        text = f"the vehicle reads '{route.name}' with the hash {route.type_hash}, and {own} has {info.type_hash}"
+        raise FormatError(f"{text}: publish a message of its firmware, msggen build --px4 PX4-Autopilot")
     if version_of(route.name) != info.message_version:
         text = f"the vehicle reads '{route.name}', and {cls.__name__} is version {info.message_version}"
         raise FormatError(f"{text}: publish another version, from versions.convert of a package with --archived")
-    if known not in (None, info.message_hash):
-        own = f"{package_of_class(cls).__name__}.{cls.__name__}"
-        raise FormatError(f"{difference(route.name, known, own, info.message_hash)}: publish a message of its release")
+    raise FormatError(f"{difference(route.name, known, own, info.message_hash)}: publish a message of its release")
 
 
 def check_convertible(topic: NamedTopic, packages: Packages) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from msggen.link.xrce.client import Client
 from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.sim.options import Options
 from msggen.sim.publishing import Publication, publication_of
@@ -33,6 +34,8 @@ class Endpoints(NamedTuple):
     """By the numbers of their objects in the session."""
     settings: Settings
     """Those of the client."""
+    new_client: Callable[[], Client]
+    """Makes the client of a session."""
 
 
 def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
@@ -54,7 +57,7 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
             )
     servers = _servers(getattr(package, "srv", None), namespace)
     settings = Settings(readers, writers, servers, key=options.key, namespace=options.namespace, sync=options.sync)
-    return Endpoints(publications, inputs, settings)
+    return Endpoints(publications, inputs, settings, lambda: Client(settings))
 
 
 def object_ids_of(topics: Any, *, has_all: bool = False) -> tuple[int, ...]:

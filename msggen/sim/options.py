@@ -33,6 +33,12 @@ class Options(NamedTuple):
     home: Home = Home()
     board: Board = "most"
     """Decides the object ids of topics out, if the release has messages that only some boards have."""
+    is_on_zenoh: bool = False
+    """Whether the vehicle has PX4's module `zenoh`, and no client of DDS-XRCE."""
+    zenoh_tokens: bool = True
+    """Whether the firmware has CONFIG_ZENOH_RMW_LIVELINESS."""
+    zenoh_hashes: bool = True
+    """Whether the firmware has CONFIG_ZENOH_KEY_TYPE_HASH."""
     parameters: Mapping[str, float] = MappingProxyType({})
     """Parameters of PX4 that differ from their defaults: those of `SETTABLE` in msggen.sim.parameters."""
     faults: Sequence[tuple[float, str]] = ()

@@ -244,7 +244,11 @@ class Simulator(Runner):
         """
         if speed != 1.0 and any(each.sync != "off" for each in options):
             raise ValueError('the clock of the agent runs at another speed: give the vehicles Options(sync="off")')
+        agent = read_address(address)
         self.vehicles = tuple(
-            SimulatedVehicle(package, each, log if number == 0 else None) for number, each in enumerate(options)
+            SimulatedVehicle(
+                package, each._replace(is_on_zenoh=agent.link_type.has_router), log if number == 0 else None
+            )
+            for number, each in enumerate(options)
         )
-        super().__init__(self.vehicles, read_address(address), speed=speed)
+        super().__init__(self.vehicles, agent, speed=speed)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from msggen.link.address import Address, parse_address
 from msggen.link.link import LinkError
-from msggen.link.link_types import CLIENTS
+from msggen.link.link_types import SIMULATED
 from msggen.link.serial import close_line, open_line
 from msggen.link.xrce.framing import AGENT, CLIENT, Deframer, pack_frame
 
@@ -19,7 +19,7 @@ _LONGEST = 65_536
 def read_address(text: str) -> Address:
     """Return the address of an agent in a text. Raises ValueError, which tells what is wrong."""
     try:
-        address = parse_address(text, CLIENTS)
+        address = parse_address(text, SIMULATED)
     except LinkError as error:
         raise ValueError(str(error)) from None
     if address.has_free_port:
@@ -148,4 +148,8 @@ class Serial:
 
 def open_transport(address: Address) -> Transport:
     """Return a new connection to the agent. Raises LinkError."""
+    if address.link_type.has_router:
+        from msggen.sim.zenoh_transport import Zenoh
+
+        return Zenoh(address)
     return Serial(address) if address.link_type.is_device else Udp(address)

@@ -33,6 +33,7 @@ from msggen.sim.publishing import Answer, Answers, FlightLog, Publication, Sched
 from msggen.sim.requests import Requests
 from msggen.sim.values import Clocks, Scene
 from msggen.sim.world import World
+from msggen.sim.zenoh import zenoh_endpoints_of
 
 _POLL = 1_000
 """The time in us of a loop of PX4's client: samples that become due in it share a datagram."""
@@ -67,7 +68,7 @@ class SimulatedVehicle:
         """What happened and was not yet taken."""
         self._package = package
         self._services = getattr(package, "srv", None)
-        self._endpoints = endpoints_of(package, options)
+        self._endpoints = (zenoh_endpoints_of if options.is_on_zenoh else endpoints_of)(package, options)
         self._by_topic = {each.topic: each for each in self._endpoints.publications}
         self._now = 0
         self._noise = noise_with(options.disturbances, options.seed, options.key)
@@ -80,7 +81,7 @@ class SimulatedVehicle:
         self._from_agent = Line(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
         self._schedule = Schedule((), 0)
         self._answers = Answers()
-        self._client = xrce.Client(self._endpoints.settings)
+        self._client = self._endpoints.new_client()
         self._loop_time = -_POLL
         self._start: int | None = None
         self._client_start = 0
@@ -253,7 +254,10 @@ class SimulatedVehicle:
             self.refused[f"{name}: not a {message_class.__name__}"] += 1
             return
         self.world.advance(self._now)
-        localize(message, self._now, self._client.offset)
+        if self.options.is_on_zenoh:  # PX4 has no other time of what arrives
+            message.timestamp = self._now
+        else:
+            localize(message, self._now, self._client.offset)
         if handler is not None:
             handler(message, message.timestamp)
         if self._log is not None:
@@ -307,7 +311,7 @@ class SimulatedVehicle:
     def _restart_client(self) -> None:
         """Begin a new session from a new port, without a word to the agent."""
         connections = self._client.connections
-        self._client = xrce.Client(self._endpoints.settings)
+        self._client = self._endpoints.new_client()
         self._client.connections = connections + 1
         self._client_start = self._now
 

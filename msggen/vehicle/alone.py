@@ -48,7 +48,7 @@ class Alone:
         Two with the same key and namespace are one that has restarted, until both are heard for long.
         """
         found = self._found()
-        count = len({(each.key, each.namespace) for each in found})
+        count = len({each.identity for each in found})
         if count == 1 and not (are_twins_two and len(found) > 1):
             return
         listed = ", ".join(shown(each) for each in found)

@@ -59,6 +59,8 @@ class Entries(dict[int, Entry]):
                 entry.services[route.request_type] = route
                 return entry
             entry.routes[route.name] = route
+            if route.message_hash:
+                entry.check.recall({route.ros_type: route.message_hash})
             if not self._link.is_shared and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
                 entry.answers |= {route.name}
             if entry.is_started:

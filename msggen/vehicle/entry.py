@@ -122,7 +122,7 @@ class Entry:
             return Decoding(feed.topic.message, bytes)
         known = self.hash_of(route.ros_type)
         try:
-            return decoding_of(feed.topic, route.name, packages, known, is_converted=feed.options.is_converted)
+            return decoding_of(feed.topic, route, packages, known, is_converted=feed.options.is_converted)
         except UnknownFormatError as error:
             feed.fail(FormatError(f"{error}: {_cure(feed.topic.package.__name__, route, self.firmware())}"))
         except FormatError as error:

@@ -35,7 +35,7 @@ def open_link(address: Address, allow: Sequence[str | int] = (), *, is_shared: b
     keys = tuple(each for each in allow if not isinstance(each, str))
     addresses = tuple(each for each in allow if isinstance(each, str))
     link_type = address.link_type
-    options = {"allow": addresses, "keys": keys, "agent": address.agent}
+    options = {"allow": addresses, "keys": keys, "agent": address.agent, "config": address.config}
     given = {**options, "records": records_folder()}
     for option, noun in (("allow", "addresses"), ("keys", "keys")):
         if given[option] and option not in link_type.options:

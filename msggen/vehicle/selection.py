@@ -41,7 +41,7 @@ def host_of(address: str) -> str:
 
 def is_same(earlier: Remote, later: Remote) -> bool:
     """Whether `later` is the vehicle `earlier` that has connected again."""
-    return (earlier.key, earlier.namespace) == (later.key, later.namespace)
+    return earlier.identity == later.identity
 
 
 def shown(remote: Remote) -> str:

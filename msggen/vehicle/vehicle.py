@@ -402,7 +402,7 @@ class Vehicle:
         entry = self._entry()
         topic = find_topic(stem_of(route.name), route.direction, self._packages)
         known = entry.hash_of(route.ros_type)
-        return decoding_of(topic, route.name, self._packages, known, is_converted=False).decode(payload)
+        return decoding_of(topic, route, self._packages, known, is_converted=False).decode(payload)
 
     def publish(self, message: Message, topic: Endpoint[Any] | str | None = None, *, waited: float = 0.0) -> None:
         """Send a message to the vehicle, once. From any thread.

@@ -49,6 +49,7 @@ NAMES = (
     "editors",
     "missions",
     "mcp",
+    "zenoh",
 )
 """The campaigns, each a module of this package."""
 

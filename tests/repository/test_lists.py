@@ -256,8 +256,8 @@ def test_flight_offers_every_kind_of_setpoint_that_its_modes_send() -> None:
 
 # Depths of queues
 
-OF_DEPTHS = {"base/qos.py", "link/cyclone.py"}
-"""That of programs, and how many samples a reader in DDS keeps until msggen takes them."""
+OF_DEPTHS = {"base/qos.py", "link/cyclone.py", "link/rmw_zenoh/names.py"}
+"""That of programs, how many samples a reader in DDS keeps until msggen takes them, and those that tokens tell."""
 
 
 def depths(source: str) -> list[int]:

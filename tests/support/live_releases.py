@@ -1,7 +1,9 @@
 """Writes the endpoints and hashes of the embedded releases: `python tests/support/live_releases.py`.
 
 `msggen/messages/releases.json` has a line for each endpoint: its ROS name, object id, message, uORB topic and
-`message_hash`. A vehicle is compared with them when it connects.
+`message_hash`. A vehicle is compared with them when it connects. `msggen/link/rmw_zenoh/definitions.json` has a line
+for each definition of the releases that have PX4's module `zenoh` with type hashes: its RIHS01, message, version,
+`message_hash` and size in CDR. Vehicles tell the RIHS01 only.
 """
 
 from __future__ import annotations
@@ -9,15 +11,19 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from msggen import endpoints, message_hash, read  # noqa: E402 - this file is a program too
+from msggen import endpoints, is_static, lay_out, message_hash, read, type_hash  # noqa: E402 - this file is a program
 from msggen.sources.embedded import EMBEDDED  # noqa: E402
 
 TABLE = ROOT / "msggen" / "messages" / "releases.json"
+DEFINITIONS = ROOT / "msggen" / "link" / "rmw_zenoh" / "definitions.json"
+_FIRST = "v1.17"
+"""The first release whose module `zenoh` tells type hashes."""
 
 
 def table() -> str:
@@ -37,5 +43,19 @@ def _lines(release: str) -> Iterator[str]:
         yield f"{json.dumps(endpoint.ros_name)}: {json.dumps(row)}"
 
 
+def definitions() -> str:
+    """Return the text of the table of definitions."""
+    rows: dict[str, list[str | int]] = {}
+    for release in reversed(EMBEDDED[: EMBEDDED.index(_FIRST) + 1]):
+        catalog = read(release)
+        for message in filter(partial(is_static, catalog), catalog.messages.values()):
+            found = type_hash(catalog, message).removeprefix("RIHS01_")
+            size = lay_out(catalog, message).size
+            rows[found] = [message.name, message.message_version, message_hash(catalog, message), size]
+    lines = (f"{json.dumps(found)}: {json.dumps(row)}" for found, row in sorted(rows.items()))
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
 if __name__ == "__main__":
+    DEFINITIONS.write_text(definitions(), encoding="utf-8")
     TABLE.write_text(table(), encoding="utf-8")

@@ -20,9 +20,9 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, 
 from msggen.cli.packages import topics_of
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.screen import Status
-from msggen.cli.values import local_path, non_empty
+from msggen.cli.values import Deferred, local_path, non_empty
 from msggen.cli.watching import watching
-from msggen.link.link_types import CLIENTS, DEFAULT, usages
+from msggen.link.link_types import CLIENTS, DEFAULT, ROUTER_PORT, usages
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import find_sources
 
@@ -54,6 +54,12 @@ def add_to(commands: Commands) -> None:
         help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
     )
     parser.add_argument(
+        "--zenoh",
+        metavar="tcp/HOST:PORT",
+        type=_router,
+        help="have PX4's module zenoh instead of a client of DDS-XRCE, and this Zenoh router, instead of ADDRESS",
+    )
+    parser.add_argument(
         "--log",
         metavar="FILE",
         type=local_path,
@@ -63,11 +69,24 @@ def add_to(commands: Commands) -> None:
     add_shared(parser, "-q, --quiet")
 
 
+@Deferred
+def _router(text: str) -> str:
+    """Return the address of a link at the router with a locator of Zenoh."""
+    found = re.fullmatch("tcp/(.+)", text)
+    if not found:
+        raise argparse.ArgumentTypeError(f"expected a locator such as tcp/127.0.0.1:{ROUTER_PORT}, found {text!r}")
+    return f"zenoh://{found[1]}"
+
+
 # The run
 
 
 def _sim(options: argparse.Namespace) -> int:
     _check_log(options)
+    if options.zenoh:
+        if options.address is not None:
+            options.parser.error("argument --zenoh: a vehicle has one link: leave out ADDRESS or --zenoh")
+        options.address = options.zenoh
     _check_speed(options)
     package, label = _types(options)
     _check_messages(options, package)

@@ -53,6 +53,8 @@ def place_of(address: Address) -> Place:
     if address.link_type.is_device:
         path = os.path.realpath(address.path)
         name = f"{address.scheme}-{os.path.basename(path)}-{blake2b(os.fsencode(path), digest_size=4).hexdigest()}"
+    elif address.link_type.has_router:  # of this computer, or of another one
+        name = f"{address.scheme}-{found_at(address)}-{address.port}"
     else:
         name = f"udp-{address.port}"
     place = Place(runtime_folder(), name)

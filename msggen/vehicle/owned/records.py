@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.link.link import Remote, Route, Service
 
-PROTOCOL = 4
+PROTOCOL = 5
 """The version of these records. Both sides tell it first; programs with another one use a link of their own."""
 
 HEADER = struct.Struct("<BIHqI")

@@ -67,8 +67,8 @@ def _any(value: object) -> object:
     return value
 
 
-_REMOTE: Final = _row(_NUMBER, _message, _KEY, text, truth)
-_ROUTE: Final = _row(_name, _name, _one_of("out", "in"), _OBJECT)
+_REMOTE: Final = _row(_NUMBER, _message, _KEY, text, truth, text)
+_ROUTE: Final = _row(_name, _name, _one_of("out", "in"), _OBJECT, text, _KEY)
 _SERVICE: Final = _row(_name, _name, _name, _OBJECT)
 
 _EVENTS: Final[Mapping[str, tuple[Check, ...]]] = MappingProxyType(

@@ -1,0 +1,285 @@
+"""Tests of what tokens and samples tell of vehicles, without Zenoh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from msggen.link.link import (
+    Connected,
+    Disconnected,
+    Event,
+    LinkError,
+    Lost,
+    Opened,
+    Remote,
+    Route,
+    Sample,
+    StaleError,
+    Warned,
+)
+from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key, Token
+from msggen.link.rmw_zenoh.vehicles import (
+    GRACE_NS,
+    MAX_ENDPOINTS,
+    MAX_VEHICLES,
+    SILENCE_NS,
+    STILL_NS,
+    Vehicles,
+)
+from support.zenoh_space import COMMAND, GUID, OTHER, STATUS, ZID, definition, token_of
+
+
+class Space:
+    """Vehicles, and what they have told."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.vehicles = Vehicles(self.events.append)
+        self.now = 10**9
+        self.sequences: dict[tuple[str, bytes], int] = {}
+
+    def token(self, key: Key | None, guid: bytes = GUID, zid: str = ZID, *, is_alive: bool = True) -> None:
+        self.vehicles.token(token_of(key, guid, zid), self.now, is_alive=is_alive)
+
+    def sample(
+        self, key: Key | str = STATUS, payload: bytes = b"", guid: bytes = GUID, sequence: int | None = None
+    ) -> None:
+        number = self.sequences.get((str(key), guid), 0) + 1 if sequence is None else sequence
+        self.sequences[str(key), guid] = number
+        self.vehicles.sample(str(key), payload, Attachment(number, 5, guid).pack(), 77, self.now)
+
+    def all(self, kind: Any) -> list[Any]:
+        return [event for event in self.events if type(event) is kind]
+
+    @property
+    def remote(self) -> Remote:
+        remote: Remote = self.all(Connected)[-1].remote
+        return remote
+
+
+@pytest.fixture
+def space() -> Iterator[Space]:
+    found = Space()
+    yield found
+    found.vehicles.close("the end")
+    assert len(found.all(Connected)) == len(found.all(Disconnected))
+
+
+def test_tokens_tell_the_topics_with_the_versions_that_the_hashes_stand_for(space: Space) -> None:
+    space.token(None)
+    space.token(COMMAND)
+    assert not space.events  # it may be a program that listens to what others publish
+    space.token(STATUS)
+    assert space.remote == Remote(1, GUID.hex(), 0, "", continued=False, guid=GUID.hex())
+    status, command = definition(STATUS), definition(COMMAND)
+    assert [event.route for event in space.all(Opened)] == [
+        Route("/fmu/in/vehicle_command", COMMAND.ros_type, "in", -1, COMMAND.type_hash, command.message_hash),
+        Route("/fmu/out/vehicle_status_v4", STATUS.ros_type, "out", -1, STATUS.type_hash, status.message_hash),
+    ]
+
+
+def test_surplus_bytes_are_left_out(space: Space) -> None:
+    space.token(STATUS)
+    payload = b"\0\1\0\0" + b"x" * definition(STATUS).size
+    space.sample(payload=payload + b"left-over stack memory")
+    assert space.all(Sample)[0].payload == payload
+    assert space.all(Sample)[0].time == 77
+
+
+def test_the_sizes_of_unknown_definitions_are_not_known(space: Space) -> None:
+    key = STATUS._replace(type_hash="RIHS01_" + "ab" * 32)
+    space.token(key)
+    space.sample(key, b"\0\1\0\0something and surplus")
+    route = space.all(Sample)[0].route
+    assert (route.name, route.message_hash, route.has_surplus) == ("/fmu/out/vehicle_status", 0, True)
+    assert space.all(Sample)[0].payload == b"\0\1\0\0something and surplus"
+
+
+def test_a_hash_of_another_message_is_no_definition(space: Space) -> None:
+    space.token(STATUS._replace(type_hash=COMMAND.type_hash))
+    assert space.all(Opened)[0].route.message_hash == 0
+
+
+def test_gaps_of_a_topic_are_lost_samples(space: Space) -> None:
+    other = STATUS._replace(name="/fmu/out/other")
+    space.token(STATUS)
+    space.token(other)
+    for sequence in (7, 8, 11, 12):
+        space.sample(sequence=sequence)
+        space.sample(other, sequence=sequence * 100 if sequence == 7 else 693 + sequence)
+    assert space.all(Lost) == [Lost(space.remote, 2), Lost(space.remote, 2)]
+    assert space.vehicles.lost == 4
+
+
+def test_a_vehicle_that_counts_from_one_again_has_lost_nothing(space: Space) -> None:
+    space.token(STATUS)
+    for sequence in (100, 1, 2):
+        space.sample(sequence=sequence)
+    assert not space.all(Lost)
+
+
+def test_several_vehicles_are_told_by_their_guids(space: Space) -> None:
+    for guid in (GUID, OTHER):
+        space.token(STATUS, guid, zid=guid.hex())
+    for guid in (GUID, OTHER, GUID):
+        space.sample(guid=guid)
+    assert [event.remote.guid for event in space.all(Sample)] == [GUID.hex(), OTHER.hex(), GUID.hex()]
+    assert not space.all(Lost)
+
+
+def test_several_vehicles_are_told_by_their_namespaces(space: Space) -> None:
+    first, second = (STATUS._replace(name=f"/uav_{number}/fmu/out/vehicle_status") for number in (1, 2))
+    for key in (first, second):
+        space.token(key)
+        space.sample(key)
+    assert [event.remote.namespace for event in space.all(Sample)] == ["uav_1", "uav_2"]
+
+
+def test_nothing_is_sent_to_two_vehicles_at_once(space: Space) -> None:
+    for guid in (GUID, OTHER):
+        space.token(COMMAND, guid, zid=guid.hex())
+        space.token(STATUS, guid, zid=guid.hex())
+    with pytest.raises(LinkError, match=r"2 vehicles read /fmu/in/vehicle_command.*PX4_UXRCE_DDS_NS"):
+        space.vehicles.key_to(space.remote, space.all(Opened)[0].route, space.now)
+    space.token(STATUS, OTHER, zid=OTHER.hex(), is_alive=False)
+    remote = space.all(Connected)[0].remote
+    assert space.vehicles.key_to(remote, space.all(Opened)[0].route, space.now) == str(COMMAND)
+
+
+def test_two_vehicles_of_one_guid_are_told_to_the_user(space: Space) -> None:
+    """SITL and boards without a unique id have all the same one."""
+    space.token(STATUS)
+    for sequence in range(100, 110):
+        space.sample(sequence=sequence)
+        space.sample(sequence=sequence - 90)
+    assert "cannot be told apart" in space.all(Warned)[0].text
+    assert len(space.all(Warned)) == 1
+
+
+def test_a_vehicle_ends_with_its_tokens(space: Space) -> None:
+    space.token(STATUS)
+    space.token(COMMAND)
+    space.token(COMMAND, is_alive=False)
+    assert not space.all(Disconnected)
+    space.token(STATUS, is_alive=False)
+    assert space.all(Disconnected) == [
+        Disconnected(space.remote, "its tokens are gone: PX4, or its module zenoh, has ended")
+    ]
+
+
+def test_a_vehicle_without_power_ends_with_its_silence_and_comes_back(space: Space) -> None:
+    space.token(STATUS)
+    space.sample()
+    space.now += SILENCE_NS - 1
+    space.vehicles.tick(space.now)
+    assert not space.all(Disconnected)
+    space.now += 1
+    space.vehicles.tick(space.now)
+    assert space.all(Disconnected)[0].reason == "nothing has arrived from it for 5 s"
+    assert not space.vehicles.routes(space.remote)
+    space.sample()
+    assert [event.remote.number for event in space.all(Connected)] == [1, 2]
+    assert space.all(Sample)[-1].remote.number == 2
+
+
+def test_tokens_of_a_vehicle_that_never_sends_are_no_vehicle_for_long(space: Space) -> None:
+    space.token(STATUS)
+    space.now += SILENCE_NS
+    space.vehicles.tick(space.now)
+    assert len(space.all(Disconnected)) == 1
+
+
+def test_a_vehicle_that_has_restarted_leaves_tokens_behind(space: Space) -> None:
+    space.token(STATUS)
+    space.token(STATUS, zid="0b" * 16)
+    space.token(COMMAND, zid="0b" * 16)
+    assert space.all(Disconnected)[0].reason == "it has begun another session"
+    assert len(space.vehicles.routes(space.remote)) == 2
+    space.token(STATUS, is_alive=False)  # those of the first session, a minute later
+    assert len(space.all(Disconnected)) == 1
+
+
+def test_nothing_is_sent_to_a_vehicle_that_is_silent(space: Space) -> None:
+    space.token(COMMAND)
+    space.token(STATUS)
+    route = space.all(Opened)[0].route
+    space.now += STILL_NS + 1
+    with pytest.raises(StaleError, match=r"nothing has arrived from the vehicle for 1\.0 s"):
+        space.vehicles.key_to(space.remote, route, space.now)
+
+
+def test_what_a_vehicle_does_not_read_has_no_key(space: Space) -> None:
+    space.token(STATUS)
+    with pytest.raises(LinkError, match="does not subscribe to /fmu/out/vehicle_status_v4"):
+        space.vehicles.key_to(space.remote, space.all(Opened)[0].route, space.now)
+    with pytest.raises(LinkError, match="is no longer connected"):
+        space.vehicles.key_to(space.remote._replace(number=9), space.all(Opened)[0].route, space.now)
+
+
+def test_a_firmware_without_tokens_has_the_topics_that_it_publishes(space: Space) -> None:
+    space.sample()
+    assert not space.events  # its tokens may be on their way
+    space.now += GRACE_NS
+    space.sample()
+    assert [type(event) for event in space.events] == [Warned, Connected, Opened, Sample]
+    assert "CONFIG_ZENOH_RMW_LIVELINESS=y" in space.all(Warned)[0].text
+    assert space.all(Opened)[0].route.name == "/fmu/out/vehicle_status_v4"
+
+
+def test_a_firmware_without_hashes_is_told(space: Space) -> None:
+    space.token(STATUS._replace(type_hash=NO_HASH))
+    assert "CONFIG_ZENOH_KEY_TYPE_HASH=y" in space.all(Warned)[0].text
+
+
+@pytest.mark.parametrize("key", ["fmu/out/vehicle_status", "rt/fmu/out/vehicle_status", "uav_1/fmu/out/wind"])
+def test_releases_before_v1_17_are_refused_with_the_reason(space: Space, key: str) -> None:
+    for _ in range(2):
+        space.vehicles.sample(key, b"\0\1\0\0", None, 0, space.now)
+    assert f"'{key}' is published in the form of PX4 v1.16" in space.all(Warned)[0].text
+    assert len(space.events) == 1
+    assert space.vehicles.refused == {"samples of PX4 before v1.17": 2}
+
+
+def test_other_programs_are_no_vehicles(space: Space) -> None:
+    listener, writer = Token(0, ZID, "MS", "rosbag", STATUS), Token(0, ZID, "MP", "pilot", COMMAND)
+    chatter = Token(0, ZID, "MP", "talker", STATUS._replace(name="/chatter"))
+    for token in (listener, writer, chatter):
+        space.vehicles.token(str(token), space.now, is_alive=True)
+    assert not space.events
+
+
+def test_a_program_that_carries_a_vehicle_is_a_vehicle(space: Space) -> None:
+    """Its topics have gids of their own, as with rmw_zenoh."""
+    space.vehicles.token(str(Token(0, ZID, "MP", "msggen_1", STATUS)), space.now, is_alive=True)
+    space.sample(guid=OTHER)
+    assert space.remote.guid == "msggen_1"
+    assert len(space.all(Sample)) == 1
+
+
+def test_samples_of_strangers_are_refused(space: Space) -> None:
+    space.token(STATUS)
+    space.sample(guid=OTHER)
+    space.vehicles.sample(str(STATUS), b"", None, 0, space.now)
+    space.vehicles.sample("rubbish", b"", None, 0, space.now)
+    space.vehicles.token("@ros2_lv/rubbish", space.now, is_alive=True)
+    assert not space.all(Sample)
+    assert sum(space.vehicles.refused.values()) == 4
+
+
+def test_tokens_of_this_program_are_not_those_of_a_vehicle() -> None:
+    events: list[Event] = []
+    Vehicles(events.append, lambda zid: zid == ZID).token(token_of(STATUS), 0, is_alive=True)
+    assert not events
+
+
+def test_the_numbers_of_vehicles_and_endpoints_are_limited(space: Space) -> None:
+    for number in range(MAX_ENDPOINTS + 5):
+        space.token(STATUS._replace(name=f"/fmu/out/topic_{number}"))
+    assert len(space.vehicles.routes(space.remote)) == MAX_ENDPOINTS
+    for number in range(MAX_VEHICLES + 5):
+        space.token(STATUS._replace(name=f"/uav_{number}/fmu/out/x"))
+    assert len(space.all(Connected)) == MAX_VEHICLES
+    assert sum(space.vehicles.refused.values()) == 5 + 6
