@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from msggen.flight.braking import HORIZON, allowed, braked_level, cut, length, slowed_level, way_left
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.ranges import Ranges
@@ -23,12 +24,6 @@ from msggen.flight.turning import RADIUS, leads_out
 from msggen.flight.usage import LIMITS, explained_class
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind
 
-_GAIN = 0.5
-"""The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
-_BRAKING = 2.0
-"""The deceleration in m/s^2 that the vehicle is assumed to reach. PX4's limits are 3 and more by default."""
-_HORIZON = 0.5
-"""The time in s within which an acceleration may bring the vehicle to the allowed speed."""
 _DISTANCE = 10_000.0
 """How far from home in m `goto` flies if no limit is set: farther away, latitude and longitude are probably others."""
 _DEPTH = 1.0
@@ -37,8 +32,6 @@ _FRESH = 0.5
 """The age in s up to which an estimate is used."""
 _HOME = 3.0
 """The time in s to wait for the home position."""
-_ALONG = 0.01
-"""The controlled share of a direction below which the speed along it counts as not controlled."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
 _LIMITED: Final = (GOTO, TRAJECTORY, FIXED_WING, *ROVER)
 """The kinds of setpoints whose places, velocities and accelerations are kept within limits."""
@@ -179,7 +172,7 @@ class Fence:
         if math.isnan(place[0]) != math.isnan(place[1]) and not math.isinf(self.limits.distance):
             raise LimitError("the distance cannot be limited if only one horizontal axis has a position: give both")
         x, y, z = _from_home(place, self._home())
-        height, distance = (0.0 if math.isnan(z) else -z), _length(x, y)
+        height, distance = (0.0 if math.isnan(z) else -z), length(x, y)
         if not height <= self.limits.height:
             raise LimitError(f"{height:.1f} m above home: the limit is {self.limits.height:g} m, and nothing was sent")
         if not distance <= self.limits.distance:
@@ -195,14 +188,14 @@ class Fence:
         self.check_place(place)
         x, y, _ = _from_home(place, self._known_home() or Vector(0.0, 0.0, 0.0))
         distance = self.limits.distance
-        if not (_length(x, y) + _ROOM <= distance or math.isnan(x)) and self._is_on_wings():
+        if not (length(x, y) + _ROOM <= distance or math.isnan(x)) and self._is_on_wings():
             raise LimitError(
-                f"{_length(x, y):.1f} m from home: the limit is {distance:g} m, and the vehicle circles around the "
+                f"{length(x, y):.1f} m from home: the limit is {distance:g} m, and the vehicle circles around the "
                 f"place, for which it needs {_ROOM:g} m. Nothing was sent"
             )
-        if math.isinf(distance) and not _length(x, y) <= _DISTANCE:
+        if math.isinf(distance) and not length(x, y) <= _DISTANCE:
             raise LimitError(
-                f"{_length(x, y) / 1e3:.0f} km from home: without `Limits(distance=...)`, goto flies "
+                f"{length(x, y) / 1e3:.0f} km from home: without `Limits(distance=...)`, goto flies "
                 f"{_DISTANCE / 1e3:g} km at most, and nothing was sent"
             )
         self._check_depth(place[2])
@@ -279,10 +272,10 @@ class Fence:
         speed, pull = Vector(*velocity), Vector(*acceleration)
         if not math.isinf(height):
             most = allowed(height + here.place.z)
-            speed, pull = _cut(speed, _UP, most), _cut(pull, _UP, (most + here.velocity.z) / _HORIZON)
+            speed, pull = cut(speed, _UP, most), cut(pull, _UP, (most + here.velocity.z) / HORIZON)
         if not math.isinf(distance):
-            speed = _slowed_level(speed, here.place, distance)
-            pull = _braked_level(pull, here, distance)
+            speed = slowed_level(speed, here.place, distance)
+            pull = braked_level(pull, here.place, here.velocity, distance)
         return speed, pull
 
     async def wait_for_home(self) -> None:
@@ -326,16 +319,11 @@ class Fence:
         return _Here(place, Vector(found.vx, found.vy, found.vz), Vector(found.ax, found.ay, found.az), found.heading)
 
 
-def allowed(left: float) -> float:
-    """Return the allowed speed in m/s towards a limit at a distance in m: 0 at the limit and beyond it."""
-    return 0.0 if left <= 0.0 else min(_GAIN * left, math.sqrt(2.0 * _BRAKING * left))
-
-
 def _rolling(speed: float, here: _Here, distance: float) -> float:
     """Return the speed of a rover, reduced so that it can stop within the distance."""
     sign = math.copysign(1.0, speed)
     direction = Vector(sign * math.cos(here.heading), sign * math.sin(here.heading), 0.0)
-    most = math.inf if math.isinf(distance) else allowed(_way_left(direction, here.place, distance))
+    most = math.inf if math.isinf(distance) else allowed(way_left(direction, here.place, distance))
     return sign * min(abs(speed), most)
 
 
@@ -346,59 +334,4 @@ def _from_home(place: Sequence[float], home: Vector) -> Vector:
 
 def _stopped(vector: Sequence[float]) -> Vector:
     x, y, z = (each if math.isnan(each) else 0.0 for each in vector)
-    return Vector(x, y, z)
-
-
-def _length(*values: float) -> float:
-    """Return the length of the controlled part of a vector."""
-    return math.hypot(*(each for each in values if not math.isnan(each)))
-
-
-def _along(vector: Sequence[float], direction: Vector) -> float:
-    """Return the component of the controlled part of a vector in a direction."""
-    return sum(each * part for each, part in zip(vector, direction, strict=True) if not math.isnan(each))
-
-
-def _slowed_level(velocity: Vector, place: Vector, distance: float) -> Vector:
-    """Return a velocity, reduced horizontally so that the vehicle can stop within the distance."""
-    size = _length(velocity.x, velocity.y)
-    most = allowed(_way_left(_direction(velocity), place, distance))
-    if size <= most:
-        return velocity
-    return Vector(velocity.x * most / size, velocity.y * most / size, velocity.z)
-
-
-def _braked_level(acceleration: Vector, here: _Here, distance: float) -> Vector:
-    """Return an acceleration, reduced towards where the vehicle flies, away from home, and in its own direction."""
-    found = acceleration
-    for direction in (_direction(here.velocity), _direction(here.place), _direction(acceleration)):
-        most = allowed(_way_left(direction, here.place, distance))
-        found = _cut(found, direction, (most - _along(here.velocity, direction)) / _HORIZON)
-    return found
-
-
-def _direction(vector: Vector) -> Vector:
-    """Return the horizontal direction of the controlled part of a vector."""
-    x, y = (0.0 if math.isnan(each) else each for each in vector[:2])
-    size = math.hypot(x, y)
-    return Vector(x / size, y / size, 0.0) if size else Vector(0.0, 0.0, 0.0)
-
-
-def _way_left(direction: Vector, place: Vector, distance: float) -> float:
-    """Return the distance to the circle around home in a direction. From outside: the part that leads nearer home."""
-    along = direction.x * place.x + direction.y * place.y
-    beyond = place.x * place.x + place.y * place.y - distance * distance
-    if beyond >= 0.0:
-        return max(0.0, -along)
-    return math.sqrt(along * along - beyond) - along
-
-
-def _cut(vector: Sequence[float], direction: Vector, most: float) -> Vector:
-    """Return a vector with at most a given component in a direction. Values that are not controlled stay NaN."""
-    excess = _along(vector, direction) - most
-    controlled = [0.0 if math.isnan(each) else part for each, part in zip(vector, direction, strict=True)]
-    size = sum(each * each for each in controlled)
-    if excess <= 0.0 or size < _ALONG * _ALONG:
-        return Vector(*vector)
-    x, y, z = (each - excess * part / size for each, part in zip(vector, controlled, strict=True))
     return Vector(x, y, z)

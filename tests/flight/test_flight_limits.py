@@ -13,10 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.flight.braking import allowed
 from msggen.flight.errors import FlightError, LimitError, NoAnswerError, NotReachedError, UnsupportedError
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
-from msggen.flight.limits import Fence, Limits, allowed
+from msggen.flight.limits import Fence, Limits
 from msggen.flight.mode import Mode
 from msggen.flight.space import Vector
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY

@@ -16,7 +16,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace
 from msggen.flight.ranges import Ranges
 from msggen.messages.ranges import DEFAULTS, RANGES
-from msggen.messages.setpoints import BY_NUMBER, FIXED_WING, ROVER
+from msggen.messages.setpoints import BY_NUMBER, FIXED_WING, ROVER, ROVER_THROTTLE
 from msggen.sim import Options
 from msggen.sim.loop import run
 from support.flown import Flown
@@ -33,6 +33,30 @@ def test_each_range_is_that_of_a_number_in_a_message(px4_types: Any, topic: str,
     for bound, side in ((found.least, -1.0), (found.most, 1.0)):
         usual, extreme = bound.of(bound.default), bound.of(bound.extreme)
         assert side * (extreme - usual) > 0.0  # the default is within the documented range
+
+
+UNLIMITED = {
+    "altitude": "limited by `Limits`",
+    "arrival_speed": "not sent",
+    "position_ned": "limited by `Limits`",
+    "speed_body_y": "not offered",
+    "start_ned": "where the vehicle is",
+    **dict.fromkeys(("airspeed_direction", "course", "yaw", "yaw_setpoint"), "an angle"),
+    **dict.fromkeys(("normalized_steering_setpoint", "throttle_body_x", "throttle_body_y"), "from -1 to 1"),
+    **dict.fromkeys(("pitch_direct", "throttle_direct"), "not sent, and from 0 to 1"),
+}
+"""The fields without a range, and why."""
+
+
+def test_each_field_of_wings_and_rovers_has_a_range_or_needs_none(px4_types: Any) -> None:
+    topics = {
+        topic for kind in (FIXED_WING, *ROVER, *ROVER_THROTTLE) for topic in kind.topics if topic not in kind.renewed
+    }
+    classes = {each.uorb_topic: each.message for each in px4_types.topics.ENDPOINTS if each.uorb_topic in topics}
+    fields = {(topic, each.name) for topic, cls in classes.items() for each in cls.__msg__.fields}
+    without = {name for topic, name in fields if name not in RANGES.get(topic, {}) and name != "timestamp"}
+    assert classes.keys() == topics
+    assert without == {*UNLIMITED}
 
 
 @pytest.mark.parametrize(("topic", "field", "found"), ROWS, ids=NAMES)

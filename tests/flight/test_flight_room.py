@@ -97,7 +97,7 @@ def test_a_plane_stays_within_the_distance_whatever_it_is_told(px4_types: Any, a
                     await asyncio.sleep(seconds)
             except (LimitError, TimeoutError, asyncio.TimeoutError):
                 continue
-        await mode.hold(25.0)
+        await mode.hold(12.0)
 
     assert flown(px4_types, go) < LIMIT
 
@@ -159,7 +159,7 @@ def test_a_vtol_changes_only_where_it_has_room(px4_types: Any) -> None:
         assert vehicle.world.mode == 23
         await mode.goto((0.0, 90.0, -30.0), heading_deg=0.0, within=5.0)
         await mode.to_fixed_wing()
-        await mode.hold(30.0)
+        await mode.hold(8.0)
 
     assert flown(px4_types, go, kind="vtol", mode=Changes) < LIMIT
 
