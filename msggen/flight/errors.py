@@ -50,22 +50,22 @@ class NotReachedError(FlightError):
     """A mode, such as Takeoff, has ended before its goal was reached."""
 
 
-def report(message: str, error: Exception) -> None:
+def report(message: str, error: BaseException) -> None:
     """Report an error that nobody waits for to the exception handler of the event loop."""
     asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})
 
 
 def watched(
-    coroutine: Coroutine[Any, Any, None], name: str, failed: Callable[[asyncio.Task[None], Exception], None]
+    coroutine: Coroutine[Any, Any, None], name: str, failed: Callable[[asyncio.Task[None], BaseException], None]
 ) -> asyncio.Task[None]:
     """Return a task of a coroutine. `failed` gets it and the exception that ends it, such as one that a handler raises.
 
-    SystemExit and KeyboardInterrupt end the program instead.
+    It may be no Exception, as in a failed test of pytest. SystemExit and KeyboardInterrupt end the program instead.
     """
 
     def look(task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()
-        if isinstance(error, Exception):
+        if error is not None and not isinstance(error, (SystemExit, KeyboardInterrupt)):
             failed(task, error)
 
     task = asyncio.get_running_loop().create_task(coroutine, name=name)

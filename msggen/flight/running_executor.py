@@ -136,7 +136,7 @@ class Charge:
             why = "" if status is None else f": {described(status)}"
             self._finish(NotReachedError(f"{self._name} is no longer in charge{why}"))
 
-    def _finish(self, error: Exception | None = None) -> None:
+    def _finish(self, error: BaseException | None = None) -> None:
         """Tell who waits for the end of `run` how it has ended."""
         self._is_free = False
         wanted, self._wanted = self._wanted, None
@@ -159,18 +159,25 @@ class Charge:
             if self._task is not asyncio.current_task():  # the executor is no longer in charge
                 raise
             await self._fail(FlightError(f"`run` of {self._name} was cancelled"))
-        except Exception as error:  # noqa: BLE001 - whatever a program raises
-            if self._task is asyncio.current_task() and getattr(error, "is_handled", False):
-                self._finish(error)
-            elif self._task is asyncio.current_task():
-                await self._fail(error)
-            elif not isinstance(error, NotReachedError):
-                report(f"{self._name} is no longer in charge, and its end has failed", error)
+        except (SystemExit, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # noqa: BLE001 - whatever a program raises, also a failed test of pytest
+            await self._end(error)
         finally:
             if self._task is asyncio.current_task():  # not yet the next one
                 self._task = None
 
-    async def _fail(self, error: Exception) -> None:
+    async def _end(self, error: BaseException) -> None:
+        """End the run with what the program has raised."""
+        if self._task is not asyncio.current_task():
+            if not isinstance(error, NotReachedError):
+                report(f"{self._name} is no longer in charge, and its end has failed", error)
+        elif getattr(error, "is_handled", False):
+            self._finish(error)
+        else:
+            await self._fail(error)
+
+    async def _fail(self, error: BaseException) -> None:
         """Return home: PX4's failsafe does this from the mode of the executor, a command from other modes."""
         self._finish(error)
         report(f"{self._name} has failed", error)
@@ -183,7 +190,7 @@ class Charge:
             except RefusedError:
                 await self.actions.set_mode(LAND)
 
-    def _break(self, _task: asyncio.Task[None], error: Exception) -> None:
+    def _break(self, _task: asyncio.Task[None], error: BaseException) -> None:
         """Tell of an error that has ended the task of `run` and that nothing else has taken."""
         self._finish(error)
         report(f"{self._name} has failed, and its end, too", error)

@@ -345,7 +345,7 @@ class ActiveMode(Active):
             self._tell(result)
             await asyncio.sleep(_REPEAT)
 
-    def _break(self, task: asyncio.Task[None], error: Exception) -> None:
+    def _break(self, task: asyncio.Task[None], error: BaseException) -> None:
         """End the mode if its task has ended with an error that nothing else has taken: PX4 leaves it."""
         report(f"mode {self.mode.name!r} has failed", error)
         if self._task is not task:

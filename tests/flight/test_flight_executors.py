@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import pytest
@@ -178,13 +179,16 @@ def test_the_exception_of_a_mode_reaches_its_executor(px4_types: Any) -> None:
     assert [str(each) for each in found] == ["no target"]
 
 
-def test_an_executor_that_fails_lets_px4_return(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize("error", [RuntimeError, pytest.fail.Exception])
+def test_an_executor_that_fails_lets_px4_return(
+    error: Callable[[str], BaseException], px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     class Fails(Mission):
         async def run(self) -> None:
             await self.arm()
             await self.takeoff(5.0)
             await self.fly()
-            raise RuntimeError("broken")
+            raise error("broken")
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Fails)

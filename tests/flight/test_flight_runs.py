@@ -103,6 +103,22 @@ def test_an_error_in_the_handler_of_an_error_still_ends_the_mode(
     fly(px4_types, program)
 
 
+def test_a_failed_test_in_a_mode_ends_the_flight(px4_types: Any) -> None:
+    """What pytest raises is no Exception."""
+
+    class Fails(Mode):
+        async def fly(self) -> None:
+            pytest.fail("planned")
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Fails)
+        await vehicle.in_air(flight)
+        with pytest.raises(pytest.fail.Exception, match="planned"):
+            await flight.fly(Fails)
+
+    fly(px4_types, program)
+
+
 def test_an_error_that_nothing_takes_still_ends_the_mode(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
 
