@@ -251,29 +251,46 @@ def _off_position(sent: Mapping[str, Any], flags: Mapping[str, Any], place: Mapp
 
 
 def _off_velocity(sent: Mapping[str, Any], flags: Mapping[str, Any], place: Mapping[str, Any]) -> Iterator[_Offset]:
-    """A velocity begins whatever it is if nothing else is there. In another frame, only its length is compared."""
+    """A velocity begins whatever it is if nothing else is there. Without the attitude, its length is compared."""
     is_fused = flags.get(VELOCITY.flag)
     if not is_fused and not any(flags.get(name) for name in _AIDING):
         return
-    frame, (own, changes) = sent.get("velocity_frame"), _moved(sent, place, ("vx", "vy", "vz"), ("ax", "ay", "az"))
+    own, changes = _moved(sent, place, ("vx", "vy", "vz"), ("ax", "ay", "az"))
     of_estimate = max(place["evh"] ** 2 / 2, place["evv"] ** 2)
     wider, lag = 1.0 if is_fused else STARTING, _LAG * changes
     widths = [GATES[VELOCITY].width(each, of_estimate) * wider + lag for each in _variances(sent, "velocity")]
-    if frame == NED or (frame == FRD and flags.get(YAW.flag)):
-        for axis, value, here, width in zip(("vx", "vy", "vz"), sent["velocity"], own, widths, strict=True):
+    turn = _turn(sent, flags, place)
+    if turn is not None:
+        x, y, z = sent["velocity"]
+        velocity = x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn), z
+        for axis, value, here, width in zip(("vx", "vy", "vz"), velocity, own, widths, strict=True):
             yield _Offset(axis, value - here, width, "m/s")
     else:
         amount = math.hypot(*sent["velocity"]) - math.hypot(*own)
-        yield _Offset("the speed", amount, math.sqrt(3.0) * max(widths), "m/s")
+        yield _Offset("the speed", amount, max(widths) * (math.sqrt(3.0) if is_fused else 1.0), "m/s")
+
+
+def _turn(sent: Mapping[str, Any], flags: Mapping[str, Any], place: Mapping[str, Any]) -> float | None:
+    """Return the angle from the frame of a velocity to that of the estimate, None if that needs its attitude."""
+    frame, heading = sent.get("velocity_frame"), place["heading"]
+    if not math.isfinite(heading) or (frame == BODY_FRD and flags.get("cs_in_air")):
+        return None
+    if frame == BODY_FRD:
+        return float(heading)
+    is_turned = frame == FRD and not flags.get(YAW.flag) and is_unit(sent.get("q", (math.nan,) * 4))
+    return heading - _yaw_of(sent["q"]) if is_turned else 0.0
+
+
+def _yaw_of(q: Sequence[float]) -> float:
+    w, x, y, z = q
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _off_yaw(sent: Mapping[str, Any], flags: Mapping[str, Any], place: Mapping[str, Any]) -> Iterator[_Offset]:
     """On the ground, and in FRD, a heading begins whatever it is."""
     if flags.get(YAW.flag) or (flags.get("cs_in_air") and frame_of(sent) == NED):
-        w, x, y, z = sent["q"]
-        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         width = GATES[YAW].width(_variances(sent, "orientation")[2], place.get("heading_var", 0.0))
-        error = yaw - place["heading"]
+        error = _yaw_of(sent["q"]) - place["heading"]
         amount = math.remainder(error, math.tau) if math.isfinite(error) else math.nan
         yield _Offset("the heading", math.degrees(amount), math.degrees(width), "degrees")
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final
 
 from msggen.messages.measurements import (
     BODY_FRD,
-    FASTEST,
     FRD,
     GATES,
     GLOBAL,
@@ -28,12 +27,11 @@ from msggen.messages.measurements import (
     VELOCITY,
     YAW,
     Part,
-    frame_of,
-    taken,
 )
-from msggen.sim.attitude import Vector, added, angles_of, from_body
+from msggen.sim.attitude import Vector, added, from_body
 from msggen.sim.commander.rules import V1_18, Rules
-from msggen.sim.flight import Flight, wrapped
+from msggen.sim.external_inputs import Odometry, Place, World, bits, is_on, odometry_of, place_of, turned_by
+from msggen.sim.flight import wrapped
 from msggen.sim.parameters import PARAMETERS
 from msggen.sim.places import Home
 
@@ -68,54 +66,17 @@ _BY_CAMERA = 3
 """The value of EKF2_HGT_REF with which local measurements decide the height."""
 
 
-class Pilot(Protocol):
-    """What flies by the estimate."""
-
-    def shift(self, move: Vector) -> None:
-        """Move the places that it keeps with the estimate of the position."""
-
-
-class World(Protocol):
-    """What measurements tell of: `msggen.sim.world.World`."""
-
-    flight: Flight
-    autopilot: Pilot
-    origin: Home
-    has_origin: bool
-
-
-class _Odometry(NamedTuple):
-    time: int
-    parts: frozenset[Part]
-    frame: int
-    position: Vector
-    velocity: Vector
-    velocity_frame: int
-    yaw: float
-    """NaN without an attitude. It turns FRD frames, also where it is not to be fused."""
-    variances: Mapping[Part, float]
-    resets: int
-    quality: int
-
-
-class _Place(NamedTuple):
-    time: int
-    place: Home
-    variance: float
-    resets: int
-
-
 class External:
     """Takes measurements. `handlers` are by the names of topics in uORB."""
 
     def __init__(self, world: World, parameters: Mapping[str, float] = PARAMETERS, rules: Rules = V1_18) -> None:
         """Take the parameters and rules of the vehicle."""
         self._world, self._parameters, self._place_patience = world, parameters, rules.auxiliary_patience
-        self._control = _bits(parameters.get("EKF2_EV_CTRL", 0.0))
-        self._least_quality = _bits(parameters["EKF2_EV_QMIN"])
-        self._delay = _bits(parameters["EKF2_EV_DELAY"] * 1e3)
+        self._control = bits(parameters.get("EKF2_EV_CTRL", 0.0))
+        self._least_quality = bits(parameters["EKF2_EV_QMIN"])
+        self._delay = bits(parameters["EKF2_EV_DELAY"] * 1e3)
         self._is_reference = parameters["EKF2_HGT_REF"] == _BY_CAMERA
-        self.uses_gps = bool(_bits(parameters["EKF2_GPS_CTRL"]) & 1)
+        self.uses_gps = bool(bits(parameters["EKF2_GPS_CTRL"]) & 1)
         self.fused: frozenset[Part] = frozenset()
         """The parts that are fused."""
         self.changes = self.position_resets = self.height_resets = self.heading_resets = 0
@@ -133,8 +94,8 @@ class External:
         self.handlers: Mapping[str, Callable[[Any, int], object]] = {LOCAL: self.take, GLOBAL: self.take_place}
         """Each takes a message, whose times are since boot. Only that of the measurement counts."""
         self._now, self._is_resting, self._has_gps = 0, True, True
-        self._waiting: deque[_Odometry] = deque(maxlen=_KEPT)
-        self._places: deque[_Place] = deque(maxlen=_KEPT)
+        self._waiting: deque[Odometry] = deque(maxlen=_KEPT)
+        self._places: deque[Place] = deque(maxlen=_KEPT)
         self._newest = self._before = -_STOPPED
         """The times of the newest measurement, and of the last one that was used."""
         self._place_heard = 0
@@ -159,49 +120,13 @@ class External:
         if time < self._newest + _NEAREST:
             return
         self._newest = time
-        values = {name: getattr(message, name) for name in _FIELDS}
-        parts = taken(values)
-        if math.hypot(*message.velocity) > FASTEST:
-            parts -= {VELOCITY}
-        position, velocity = message.position_variance, message.velocity_variance
-        variances = {
-            POSITION: _noise(position, 0, 1),
-            HEIGHT: _noise(position, 2),
-            VELOCITY: _noise(velocity, 0, 1, 2),
-            YAW: _noise(message.orientation_variance, 2),
-        }
-        found = _Odometry(
-            time,
-            frozenset(part for part in parts if part.bit & self._control),
-            frame_of(values),
-            message.position,
-            message.velocity,
-            message.velocity_frame,
-            angles_of(message.q, 0.0)[2] if YAW in parts else math.nan,
-            variances,
-            message.reset_counter,
-            message.quality,
-        )
-        self._waiting.append(found)
+        self._waiting.append(odometry_of(message, time, self._control))
 
     def take_place(self, message: Any, _: int) -> None:
         """Take a VehicleGlobalPosition or, from v1.18 on, an AuxGlobalPosition."""
-        place = Home(message.lat, message.lon, message.alt)
-        if not self._is_on(getattr(message, "id", None)) or not place._replace(altitude=0.0).is_possible:
-            return
-        variance = float(message.eph) * float(message.eph)
-        self._places.append(_Place(message.timestamp_sample, place, variance, message.lat_lon_reset_counter))
-
-    def _is_on(self, identity: int | None) -> bool:
-        """Whether a source of global positions is switched on. Before v1.18, there is one, which has no number."""
-        if identity is None:
-            return bool(_bits(self._parameters.get("EKF2_AGP_CTRL", 0.0)) & PLACE.bit)
-        given = self._parameters
-        slots = (f"EKF2_AGP{number}_" for number in range(4))
-        return any(
-            identity and identity == given.get(f"{slot}ID") and _bits(given[f"{slot}CTRL"]) & PLACE.bit
-            for slot in slots
-        )
+        found = place_of(message)
+        if found is not None and is_on(self._parameters, getattr(message, "id", None)):
+            self._places.append(found)
 
     # Time
 
@@ -260,7 +185,7 @@ class External:
 
     # Positions, velocities and headings in the local frame
 
-    def _look(self, found: _Odometry) -> None:
+    def _look(self, found: Odometry) -> None:
         self._is_reset = found.resets != self._counter
         if self._least_quality > 0 and found.quality < self._least_quality:
             if self._is_reset:
@@ -307,7 +232,7 @@ class External:
         )
         return position, velocity, flight.yaw - flight.rates[2] * behind  # type: ignore[return-value]
 
-    def _look_at_yaw(self, found: _Odometry) -> None:
+    def _look_at_yaw(self, found: Odometry) -> None:
         is_turned = found.frame == FRD
         if is_turned and self._has_gps and self.is_yaw_aligned:
             self._end({YAW})
@@ -326,11 +251,12 @@ class External:
         is_free = is_near or is_turned or self._is_resting or not self.is_yaw_aligned
         self._judge(YAW, begin, is_near=is_near, may_start=is_free)
 
-    def _look_at_position(self, found: _Odometry) -> None:
+    def _look_at_position(self, found: Odometry) -> None:
         if found.frame != FRD and not self.is_yaw_aligned:
             self._end({POSITION})
             return
-        here, (x, y, _) = self._then(found.time)[0], self._turned(found)
+        here = self._then(found.time)[0]
+        x, y, _ = self._from_level(found.position, found) if found.frame == FRD else found.position
         off = x - self._bias[0] - here[0], y - self._bias[1] - here[1]
         if math.hypot(*off) > _FARTHEST:
             return
@@ -349,7 +275,7 @@ class External:
 
         self._judge(POSITION, begin, is_near=is_near)
 
-    def _look_at_height(self, found: _Odometry) -> None:
+    def _look_at_height(self, found: Odometry) -> None:
         """Only the reference moves the estimate. The distance of other heights is learned."""
         down, here = found.position[2], self._then(found.time)[0][2]
         off = down - self._height_bias - here
@@ -363,19 +289,13 @@ class External:
 
         self._judge(HEIGHT, begin, is_near=abs(off) <= self._width(HEIGHT, found.variances[HEIGHT]))
 
-    def _turned(self, found: _Odometry) -> Vector:
-        """Return a position in the frame of the estimate."""
-        return self._from_level(found.position, found) if found.frame == FRD else found.position
-
-    def _from_level(self, vector: Vector, found: _Odometry) -> Vector:
+    def _from_level(self, vector: Vector, found: Odometry) -> Vector:
         """Turn a vector of an FRD frame, unless the estimate is in it."""
         if math.isnan(found.yaw) or YAW in self.fused:
             return vector
-        x, y, z = vector
-        turn = self._world.flight.yaw - found.yaw
-        return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn), z
+        return turned_by(vector, self._world.flight.yaw - found.yaw)
 
-    def _look_at_velocity(self, found: _Odometry) -> None:
+    def _look_at_velocity(self, found: Odometry) -> None:
         flight, has_others = self._world.flight, self._has_gps or bool(self.fused & {POSITION, PLACE})
         if found.velocity_frame == BODY_FRD:
             velocity = from_body(flight.quaternion, found.velocity)
@@ -399,7 +319,7 @@ class External:
 
     # Places on earth
 
-    def _look_at_place(self, found: _Place) -> None:
+    def _look_at_place(self, found: Place) -> None:
         world = self._world
         if not self.is_yaw_aligned:
             return
@@ -474,15 +394,3 @@ class External:
         flight = self._world.flight
         flight.position = added(flight.position, move)
         self._world.autopilot.shift(move)
-
-
-_FIELDS: Final = ("position", "pose_frame", "velocity", "velocity_frame", "q")
-
-
-def _noise(variances: Vector, *axes: int) -> float:
-    """Return the largest variance of some axes. If any is not finite, that of the parameters counts: the least."""
-    return max(_LEAST, *(variances[axis] for axis in axes)) if all(map(math.isfinite, variances)) else _LEAST
-
-
-def _bits(value: float) -> int:
-    return int(value) if math.isfinite(value) else 0
