@@ -366,6 +366,8 @@ class Actions(Hinted):
 
         def is_over(status: Any) -> bool:
             nonlocal since
+            if is_disarmed(status):
+                return True
             stands = is_plane(status) and not status.takeoff_time and status.nav_state in _STANDING
             since = min(since, clock()) if stands else math.inf
             if clock() - since > _FORGOTTEN:
@@ -373,7 +375,7 @@ class Actions(Hinted):
                     "the plane has not taken off, and PX4 disarms it only after a flight: `await flight.takeoff(30.0)` "
                     "before, or `await flight.disarm()`"
                 )
-            return is_disarmed(status)
+            return False
 
         await self._feeds.while_heard(self._feeds["vehicle_status"].wait(is_over))
 

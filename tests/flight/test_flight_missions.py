@@ -674,12 +674,15 @@ def test_a_mission_that_cannot_leave_the_ground_is_told_before_arming(
 
 
 def test_a_mission_without_takeoff_begins_in_the_air(types: Any) -> None:
+    unready: list[Sequence[str]] = []
+
     async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(Plan((at(5.0), ActionItem("land"))))
+        mission = Mission(Plan((at(5.0), ActionItem("land"))), on_progress=lambda _: unready.append(mission.unready))
         await flight.add(mission)
         await vehicle.in_air(flight, UP)
         await flight.fly(mission)
         assert vehicle.world.is_landed
+        assert unready == [(), (), ()]
 
     fly(types, program)
 

@@ -214,9 +214,11 @@ class Mission(Executor):
 
     def _lifts_again(self, start: int) -> bool:
         """Whether `onResume` takes off before the mission goes on with an item."""
+        if not 0 < start < len(self._plan.items):
+            return False
         has_takeoff = self._plan.last_action(TAKEOFF, start) is not None and ON_RESUME in self._table
         is_over = self._is_built_in(self._plan.items[start], *LANDINGS)
-        return start > 0 and (ON_RESUME in self._given or (has_takeoff and not is_over))
+        return ON_RESUME in self._given or (has_takeoff and not is_over)
 
     def _is_built_in(self, item: Item, *names: str) -> bool:
         """Whether an item is one of some actions, and none of the program's."""

@@ -156,7 +156,7 @@ class _Reading:
 
     def _check_change(self, value: Value, given: Mapping[str, Any]) -> None:
         """Warn of a `changeSettings` of which nothing, or not all, has an effect."""
-        changed = [key for key in given if key in SETTINGS]
+        changed = [key for key in _members(value) if key in SETTINGS]
         if given.get(RESET):
             for key in changed:
                 self._tell(_members(value)[key].name, _UNKNOWN_KEY, f"'{key}' has no effect beside '{RESET}': true")
