@@ -64,8 +64,8 @@ def test_a_folder_becomes_a_fleet(here: Path, capsys: pytest.CaptureFixture[str]
         "logs/2026-11-21/16_20_55.ulg: the file is cut off or damaged (at byte 3977)\n"
     ).replace("/", str(Path("/"))[-1])
     assert {path.name for path in (here / "fleet").iterdir()} == {
-        "_logs.parquet", "_msggen", "battery_status", "findings", "sensor_gps", "ulog_parameters", "vehicle_local_position",
-        "vehicle_status",
+        "_logs.parquet", "_msggen", "battery_status", "findings", "sensor_gps", "ulog_parameters",
+        "vehicle_local_position", "vehicle_status",
     }  # fmt: skip
     rows = rows_of(here / "fleet")["battery_status"]
     assert {row["vehicle"] for row in rows} == {f"px4-{vehicle}" for vehicle in VEHICLES}
@@ -269,7 +269,7 @@ def test_small_files_become_large_ones(here: Path, capsys: pytest.CaptureFixture
     assert run("logs", "--jobs", "1", "-q") == FINDINGS
     capsys.readouterr()
     assert compact("fleet") == DONE
-    assert re.fullmatch(r"fleet: 10 files, [\d.]+ kB, became 5 files, [\d.]+ kB\n", capsys.readouterr().out)
+    assert re.fullmatch(r"fleet: 12 files, [\d.]+ kB, became 6 files, [\d.]+ kB\n", capsys.readouterr().out)
 
 
 def test_what_cannot_be_compacted_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
