@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from msggen.analysis.finding import FAILING
 from msggen.analysis.findings import findings_of
 from msggen.analysis.flight import flight_of
 from msggen.analysis.rules.table import TOPICS
@@ -15,9 +17,6 @@ if TYPE_CHECKING:
     from msggen.analysis.finding import Finding, Findings
     from msggen.analysis.flight import Flight
     from msggen.recordings.log.log import Log
-
-FAILING = "error", "warning"
-"""The levels of findings that somebody has to look at."""
 
 
 def examined(log: Log) -> tuple[Flight, Findings]:
@@ -63,7 +62,10 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "text": finding.text,
         "time": finding.time,
         "end": finding.end,
-        "values": dict(finding.values),
+        "values": {
+            name: None if isinstance(value, float) and not isfinite(value) else value
+            for name, value in finding.values.items()
+        },
         "meaning": finding.rule.purpose,
         "fix": finding.rule.fix,
     }

@@ -11,6 +11,8 @@ from msggen.check.finding import Rule
 
 LEVELS = "error", "warning", "info"
 """How much a finding matters, the most first."""
+FAILING = LEVELS[:2]
+"""The levels of findings that somebody has to look at."""
 _NOTHING: Mapping[str, float | str] = MappingProxyType({})
 
 

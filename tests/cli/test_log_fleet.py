@@ -24,7 +24,7 @@ from support.fleet_recordings import logs_in, rows_of, write_flight
 from support.repository import ROOT
 
 SUMMARY = """\
-fleet: 6 recordings converted in S s, 1,631 samples in 5 files, N kB
+fleet: 6 recordings converted in S s, 1,631 samples in 6 files, N kB
        1 with parts that cannot be read
        1 that cannot be read
 vehicles: px4-00060000000033343531303437, px4-00060000000037363231353530, px4-0006000000003832393034313a
@@ -64,8 +64,8 @@ def test_a_folder_becomes_a_fleet(here: Path, capsys: pytest.CaptureFixture[str]
         "logs/2026-11-21/16_20_55.ulg: the file is cut off or damaged (at byte 3977)\n"
     ).replace("/", str(Path("/"))[-1])
     assert {path.name for path in (here / "fleet").iterdir()} == {
-        "_logs.parquet", "_msggen", "battery_status", "sensor_gps", "ulog_parameters", "vehicle_local_position",
-        "vehicle_status",
+        "_logs.parquet", "_msggen", "battery_status", "findings", "sensor_gps", "ulog_parameters",
+        "vehicle_local_position", "vehicle_status",
     }  # fmt: skip
     rows = rows_of(here / "fleet")["battery_status"]
     assert {row["vehicle"] for row in rows} == {f"px4-{vehicle}" for vehicle in VEHICLES}
@@ -134,7 +134,7 @@ def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert told.err == ""
     document = json.loads(told.out)
     assert document == json.loads((here / "fleet" / "_msggen" / "report.json").read_text())
-    assert (document["found"], document["converted"], document["rows"], document["files"]) == (7, 6, 1631, 5)
+    assert (document["found"], document["converted"], document["rows"], document["files"]) == (7, 6, 1631, 6)
     assert [each["path"] for each in document["failed"]] == [str(here / "logs" / "2026-11-21" / "notes.ulg")]
     assert [Path(each["path"]).name for each in document["incomplete"]] == ["16_20_55.ulg"]
 
@@ -260,16 +260,16 @@ def test_small_files_become_large_ones(here: Path, capsys: pytest.CaptureFixture
     assert compact("fleet", "--json") == DONE
     told = capsys.readouterr()
     document = json.loads(told.out)
-    assert (document["topics"], document["files_before"], document["files"], told.err) == (5, 10, 5, "")
+    assert (document["topics"], document["files_before"], document["files"], told.err) == (6, 12, 6, "")
     assert rows_of(here / "fleet") == expected
     assert compact("fleet") == DONE
-    assert capsys.readouterr().out.startswith("fleet: nothing to do: 5 files, ")
+    assert capsys.readouterr().out.startswith("fleet: nothing to do: 6 files, ")
     assert compact("fleet", "-q") == DONE
     assert capsys.readouterr().out == ""
     assert run("logs", "--jobs", "1", "-q") == FINDINGS
     capsys.readouterr()
     assert compact("fleet") == DONE
-    assert re.fullmatch(r"fleet: 10 files, [\d.]+ kB, became 5 files, [\d.]+ kB\n", capsys.readouterr().out)
+    assert re.fullmatch(r"fleet: 12 files, [\d.]+ kB, became 6 files, [\d.]+ kB\n", capsys.readouterr().out)
 
 
 def test_what_cannot_be_compacted_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ from support.fleet_recordings import parquet_in, rows_of, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START
 
-TOPICS = {"battery_status", "sensor_gps", "ulog_parameters", "vehicle_local_position", "vehicle_status"}
+TOPICS = {"battery_status", "findings", "sensor_gps", "ulog_parameters", "vehicle_local_position", "vehicle_status"}
 
 
 @pytest.fixture
@@ -43,9 +43,9 @@ def add(folder: Path, number: int) -> None:
 
 def test_the_rows_stay_the_same(fleet: Path) -> None:
     before, told = rows_of(fleet), list[str]()
-    assert len(parquet_in(fleet)) == 25
+    assert len(parquet_in(fleet)) == 30
     done = compact(str(fleet), progress=lambda _, topic: told.append(topic))
-    assert (done.topics, done.files_before, done.files) == (5, 25, 5)
+    assert (done.topics, done.files_before, done.files) == (6, 30, 6)
     assert done.bytes < done.bytes_before
     assert set(told) == TOPICS
     assert rows_of(fleet) == before
@@ -180,7 +180,7 @@ def test_a_damaged_file_is_named(damaged: Path, fleet: Path) -> None:
     assert {name for name in before if name.startswith(("sensor", "ulog", "vehicle"))} <= parquet_in(fleet).keys()
     damaged.unlink()
     assert len(update(str(fleet.parent / "logs"), str(fleet)).converted) == 1
-    assert compact(str(fleet)).files == 5
+    assert compact(str(fleet)).files == 6
 
 
 def test_a_damaged_file_is_closed(damaged: Path) -> None:

@@ -288,13 +288,13 @@ def test_a_compaction_that_is_overtaken_loses_nothing(tmp_path: Path, monkeypatc
         told.append(topic)
         if len(told) == 3:
             monkeypatch.setattr(storage.Disk, "stages", lambda _: [])  # an overtaking run that saw nothing
-            assert compact(str(fleet)).topics == 3
+            assert compact(str(fleet)).topics == 4
             monkeypatch.undo()
 
     with pytest.raises(FleetError, match=OVERTAKEN):
         compact(str(fleet), progress=between)
     assert rows_of(fleet) == whole
-    assert len(parquet_in(fleet)) == 5
+    assert len(parquet_in(fleet)) == 6
     assert compact(str(fleet)).topics == 0
 
 

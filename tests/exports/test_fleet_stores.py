@@ -135,7 +135,7 @@ def test_a_fleet_can_be_copied_to_a_store_and_back(bucket: Bucket, logs: Path, t
     change(logs)
     assert len(update(str(logs), FLEET).converted) == 2
     back = bucket.get("fleets/own", tmp_path / "back")
-    assert compact(str(back)).topics == 5
+    assert compact(str(back)).topics == 6
     assert rows_of(back) == bucket.rows(tmp_path / "copy")
     (path,) = files(str(back), "battery_status")
     assert pq.read_metadata(path).num_rows

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from msggen.recordings.log.log import Log
     from msggen.recordings.source.facts import Event, Text
+_SECONDS = "duration", "time", "end"
+"""The columns whose unit is s."""
 
 
 def shifted(facts: Facts, offset: int) -> Facts:
@@ -107,7 +109,7 @@ def _parameters(log: Log, facts: Facts, begin: int) -> Any:
 
     rows = [*((begin, name, value) for name, value in facts.parameters.items()), *facts.changed_parameters]
     names = [name for _, name, _ in rows]
-    return _table(
+    return timed_table(
         log,
         [time for time, _, _ in rows],
         name=pa.array(names, pa.string()),
@@ -128,7 +130,7 @@ def _defaults(facts: Facts, known: Mapping[str, float], names: Sequence[str]) ->
 def _texts(log: Log, texts: Sequence[Text]) -> Any:
     import pyarrow as pa
 
-    return _table(
+    return timed_table(
         log,
         [text.time for text in texts],
         level=pa.array([text.level for text in texts], pa.string()),
@@ -144,7 +146,7 @@ def _events(log: Log, events: Sequence[Event]) -> Any:
     def told(name: str) -> Any:
         return pa.array([getattr(event, name) if event.group else None for event in events], pa.string())
 
-    return _table(
+    return timed_table(
         log,
         [event.time for event in events],
         id=pa.array([event.number for event in events], pa.uint32()),
@@ -163,11 +165,11 @@ def _dropouts(log: Log, facts: Facts) -> Any:
     import pyarrow as pa
 
     durations = pa.array([dropout.duration / 1e9 for dropout in facts.dropouts], pa.float64())
-    return _table(log, [dropout.time for dropout in facts.dropouts], duration=durations)
+    return timed_table(log, [dropout.time for dropout in facts.dropouts], duration=durations)
 
 
-def _table(log: Log, times: Sequence[int], **columns: Any) -> Any:
-    """Return a table with the columns of time that the tables of topics have, in front of others."""
+def timed_table(log: Log, times: Sequence[int], **columns: Any) -> Any:
+    """Return a table with the columns of time that the tables of topics have, for log times in ns, before others."""
     import pyarrow as pa
 
     boot, offset = log.facts.boot or 0, log.utc_offset
@@ -176,7 +178,7 @@ def _table(log: Log, times: Sequence[int], **columns: Any) -> Any:
         pa.field("timestamp", pa.uint64(), metadata={"unit": "us"}),
         pa.field("log_time", kind),
         *(
-            pa.field(name, values.type, metadata={"unit": "s"} if name == "duration" else None)
+            pa.field(name, values.type, metadata={"unit": "s"} if name in _SECONDS else None)
             for name, values in columns.items()
         ),
     ]

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 PARAMETERS, TEXTS, EVENTS, DROPOUTS = "ulog_parameters", "ulog_texts", "ulog_events", "ulog_dropouts"
 FACT_TABLES = (PARAMETERS, TEXTS, EVENTS, DROPOUTS)
-"""The names of tables of what a ULog has beside its topics: no topic has one of them."""
+"""The names of tables of what a ULog has beside its topics."""
+FINDINGS = "findings"
+"""The name of the table of what a fleet's flights show."""
+_TAKEN = frozenset({*FACT_TABLES, FINDINGS})
+"""The names that no topic has."""
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]")
 _PX4 = re.compile(r"(?:/(.+))?/fmu/(in|out)/([^/]+)")
 """The topics of PX4 in ROS 2: namespace, direction, and the name in uORB with the number of the instance."""
@@ -34,10 +38,10 @@ def file_names(topics: Iterable[Topic]) -> dict[tuple[str, int], str]:
     """Return a name for each topic, by name and instance, without a suffix. No two differ in case only.
 
     It is the name in uORB with the instance if that is not 0. Where several topics have that, as `/fmu/in/x` and
-    `/fmu/out/x`, the next ones have their whole name: `fmu_out_x`. None has one of FACT_TABLES.
+    `/fmu/out/x`, the next ones have their whole name: `fmu_out_x`. None has the name of another table.
     """
     found: dict[tuple[str, int], str] = {}
-    taken = set(FACT_TABLES)
+    taken = {*_TAKEN}
     numbers: Mapping[str, Iterator[int]] = defaultdict(partial(count, 2))
     for topic in topics:
         name = next(each for each in _candidates(topic, numbers) if each.casefold() not in taken)
@@ -75,7 +79,7 @@ def place_of(topic: Topic) -> Place:
 def _unique(name: str) -> str:
     """Return a name as that of a folder. Where others could become the same, it ends with a digest."""
     clean = _clean(name, "")
-    if clean == name.lower() and clean not in FACT_TABLES:
+    if clean == name.lower() and clean not in _TAKEN:
         return clean
     return f"{clean}-{hashlib.sha256(name.encode(errors='surrogateescape')).hexdigest()[:_DIGITS]}"
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError
 from msggen.exports.fleet.finding import at_hand, digest_of
+from msggen.exports.fleet.findings import findings_run
 from msggen.exports.fleet.fleet import Written, write_staged
 from msggen.exports.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, vehicle_of
 from msggen.exports.fleet.listing import State
@@ -88,7 +89,7 @@ def convert_batch(task: Task) -> Batch:
     except Exception as error:  # noqa: BLE001 - whatever is wrong with some recordings must not stop the others
         if len(task.paths) > 1:
             return Batch(task)
-        return Batch(task, [Outcome(path, error=_text_of(error, path)) for path in task.paths])
+        return Batch(task, [Outcome(path, error=text_of(error, path)) for path in task.paths])
     return Batch(task, outcomes, files)
 
 
@@ -108,7 +109,7 @@ def _converted(task: Task, folder: Storage, path: str, aside: str) -> tuple[Outc
         shutil.rmtree(aside, ignore_errors=True)
         if isinstance(error, StoreError) and error.is_lasting:
             raise
-        return Outcome(path, error=_text_of(error, path)), []
+        return Outcome(path, error=text_of(error, path)), []
     pyarrow.default_memory_pool().release_unused()
     return Outcome(path, record), runs
 
@@ -124,6 +125,7 @@ class _Source(NamedTuple):
 
 def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[Record, list[tuple[str, Run]]]:
     """Write a table for each topic of a recording. Return its record, and what the tables are in the fleet."""
+    from msggen.exports.convert.names import FINDINGS
     from msggen.exports.convert.selection import EVERYTHING
     from msggen.exports.convert.tables import Format, write_tables
     from msggen.recordings.log import opening
@@ -137,7 +139,8 @@ def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[R
         values = {"vehicle": vehicle_of(log), "date": dated.day}
         places = _keys_by_stem(log, values, name)
         found = [(file, *places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
-        folder.check(topic for _, topic, _ in found)
+        folder.check([FINDINGS, *(topic for _, topic, _ in found)])
+        shown = findings_run(log, values, name)
         offset = log.utc_offset
         start = None if offset is None else log.start + offset
         record = Record(
@@ -154,7 +157,7 @@ def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[R
             utc_offset=offset,
             duration=log.duration,
         )
-    return record, [(topic, run_of_arrow(file, keys)) for file, topic, keys in found]
+    return record, [*((topic, run_of_arrow(file, keys)) for file, topic, keys in found), *shown]
 
 
 def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, tuple[str, Keys]]:
@@ -175,8 +178,8 @@ def _by_topic(runs: Sequence[tuple[str, Run]]) -> list[tuple[str, list[Run]]]:
     return sorted(by_topic.items())
 
 
-def _text_of(error: Exception, path: str) -> str:
-    """Return why a recording could not be converted."""
+def text_of(error: Exception, path: str) -> str:
+    """Return why a recording could not be converted or examined."""
     if isinstance(error, InputError):  # of the fleet
         return str(error)
     if isinstance(error, OSError):

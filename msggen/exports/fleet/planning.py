@@ -52,7 +52,7 @@ def plan_of(paths: Sequence[str], fleet: Fleet) -> Plan:
     records = fleet.records.values()
     whole = [record for record in records if fleet.found.keys() >= {*record.files}]
     done = {(path, state) for record in whole for path, state in record.paths.items()}
-    states = {path: _state(path) for path in paths}
+    states = {path: state_if_any(path) for path in paths}
     waiting = {path: state for path, state in states.items() if (path, state) not in done}
     digests = _digests(waiting, fleet)
     known, copied = {record.digest: record.log for record in records}, {record.digest for record in whole}
@@ -113,7 +113,7 @@ def _digest(path: str) -> str:
         return ""
 
 
-def _state(path: str) -> State | None:
+def state_if_any(path: str) -> State | None:
     """Return the state of a recording, None if it cannot be read."""
     try:
         return state_of(path)

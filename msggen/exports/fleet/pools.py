@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msggen.base.interpreter import command_of
 from msggen.base.missing import installed_by
 from msggen.exports.fleet.batch import Batch, Outcome, Task, convert_batch
 
+TaskT = TypeVar("TaskT")
+ResultT = TypeVar("ResultT")
 _PATIENCE = 10
 """How long to wait for a scheduler, in s."""
 _DASK = "dask"
@@ -31,12 +33,12 @@ def in_this_process(tasks: Sequence[Task]) -> Iterator[Batch]:
 def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Batch]:
     """Convert recordings in `jobs` processes. If one is killed, as for want of memory, the others go on."""
     killed: list[Task] = []
-    for task, batch in _processes(tasks, jobs):
+    for task, batch in results_of(convert_batch, tasks, jobs):
         if batch is None:
             killed += task.single()
         else:
             yield batch
-    for task, batch in _processes(killed, 1):  # alone: the others may have had the memory that it needs
+    for task, batch in results_of(convert_batch, killed, 1):  # alone: the others may have had the memory that it needs
         yield batch or failed(task, "the process that converted it was killed")
 
 
@@ -45,17 +47,19 @@ def failed(task: Task, error: str) -> Batch:
     return Batch(task, [Outcome(path, error=error) for path in task.paths])
 
 
-def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch | None]]:
-    """Convert recordings in `jobs` processes. Yield None for a task whose process was killed."""
+def results_of(
+    function: Callable[[TaskT], ResultT], tasks: Sequence[TaskT], jobs: int
+) -> Iterator[tuple[TaskT, ResultT | None]]:
+    """Call a function with each task, in `jobs` processes. Yield None for a task whose process was killed."""
     workers = [_Worker() for _ in tasks[:jobs]]
     idle: SimpleQueue[_Worker] = SimpleQueue()
     for worker in workers:
         idle.put(worker)
 
-    def run(task: Task) -> tuple[Task, Batch | None]:
+    def run(task: TaskT) -> tuple[TaskT, ResultT | None]:
         worker = idle.get()
         try:
-            return task, worker.run(task)
+            return task, worker.run(function, task)
         finally:
             idle.put(worker)
 
@@ -70,27 +74,27 @@ def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch |
 
 
 class _Worker:
-    """A process that converts recordings. It is started for the first task, and again after it was killed."""
+    """A process of a pool. It is started for the first task, and again after it was killed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ended = False
 
-    def run(self, task: Task) -> Batch | None:
-        """Convert the recordings of a task. Return None if the process was killed."""
+    def run(self, function: Callable[[TaskT], ResultT], task: TaskT) -> ResultT | None:
+        """Call a function with a task there. Return None if the process was killed."""
         process = self._process or self._start()
         assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018 - they are pipes
         try:
-            pickle.dump((convert_batch, task), process.stdin)
+            pickle.dump((function, task), process.stdin)
             process.stdin.flush()
-            batch: Batch = pickle.load(process.stdout)  # noqa: S301 - from a process of our own
+            result: ResultT = pickle.load(process.stdout)  # noqa: S301 - from a process of our own
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             self._kill()
             return None
-        return batch
+        return result
 
     def end(self) -> None:
-        """End the process, and what it converts. From any thread."""
+        """End the process, and what it does. From any thread."""
         self._is_ended = True
         self._kill()
 

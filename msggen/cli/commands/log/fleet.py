@@ -28,7 +28,7 @@ from msggen.show.report.json import dump
 if TYPE_CHECKING:
     from msggen.exports.fleet import Compacted, Outcome, Progress, Summary
 
-_MOST_JOBS = 1024
+MOST_JOBS = 1024
 _MOST_NAMES = 20
 """The names of a kind that are printed at most."""
 _FLEET = "fleet"
@@ -59,7 +59,7 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
         help="what rows are sorted by first: vehicle,date, or one of these (default: vehicle,date)",
     )
     group.add_argument(
-        "--jobs", metavar="N", type=whole(1, _MOST_JOBS), help="number of processes (default: that of the processors)"
+        "--jobs", metavar="N", type=whole(1, MOST_JOBS), help="number of processes (default: that of the processors)"
     )
     group.add_argument(
         "--dask", metavar="ADDRESS", type=non_empty, help="scheduler of Dask, tcp://HOST:PORT, whose workers convert"
