@@ -16,6 +16,7 @@ import numpy as np
 
 from msggen.analysis.recorded import Column, Recorded, angle_of, spans
 from msggen.base.diagnostics import few
+from msggen.exports.report.analysed import Axis, Image, analysed
 from msggen.exports.report.drawing import MOST as MOST_OF_TRACK
 from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
 from msggen.recordings.log.thinning import MOST, spread, thinned_lines
@@ -66,19 +67,22 @@ class Line:
 
 
 class Chart(NamedTuple):
-    """Lines over time. `number` is its place in the data of the script."""
+    """Lines, over time if there is no other axis. `number` is its place in the data of the script."""
 
     number: int
     title: str
     unit: str
     lines: Sequence[Line]
+    axis: Axis | None = None
+    notes: Sequence[str] = ()
 
     @property
     def label(self) -> str:
         """The chart in words."""
         names = few(list(dict.fromkeys(line.label for line in self.lines)))
         unit = f" in {self.unit}" if self.unit else ""
-        return f"{self.title}{unit} over time: {names}"
+        over = " over time" if self.axis is None else f" over {self.axis.unit}" if self.axis.unit else ""
+        return f"{self.title}{unit}{over}: {names}"
 
 
 class Row(NamedTuple):
@@ -102,7 +106,8 @@ class Section(NamedTuple):
 
     title: str
     charts: Sequence[Chart]
-    flags: Sequence[Flags]
+    flags: Sequence[Flags] = ()
+    images: Sequence[Image] = ()
 
 
 class Charts(NamedTuple):
@@ -110,6 +115,8 @@ class Charts(NamedTuple):
 
     sections: Sequence[Section]
     missing: Sequence[str]
+    untold: Sequence[str] = ()
+    """The same for what analysis finds, with the reasons."""
 
 
 def charts_of(recorded: Recorded) -> Charts:
@@ -122,7 +129,14 @@ def charts_of(recorded: Recorded) -> Charts:
         flags = [found for lanes in LANES if lanes.group == group.title and (found := _flags(recorded, lanes))]
         if charts or flags:
             sections.append(Section(group.title, charts, flags))
-    return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()])
+    own, images, untold = analysed(recorded)
+    if own:
+        drawn = [
+            Chart(next(numbers), each.title, each.unit, [Line(*line) for line in each.lines], each.axis, each.notes)
+            for each in own
+        ]
+        sections.append(Section("Responses and spectra", drawn, images=images))
+    return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()], untold)
 
 
 def _charts(
@@ -279,14 +293,18 @@ def _chart(chart: Chart, duration: float) -> dict[str, Any]:
     for line in chart.lines:
         tables.setdefault(line.table, []).append(line)
     colours = _colours(chart.lines)
+    axis = chart.axis
     return {
         "unit": chart.unit,
+        "axis": axis and {**axis._asdict(), "marks": [list(mark) for mark in axis.marks]},
         "lines": [
             {"label": line.label, "colour": colours[line.label], "dash": line.is_setpoint, "step": line.column.is_held}
             for lines in tables.values()
             for line in lines
         ],
-        "tables": [_table(lines, duration, MOST // len(tables)) for lines in tables.values()],
+        "tables": [
+            _own_table(lines) if axis else _table(lines, duration, MOST // len(tables)) for lines in tables.values()
+        ],
     }
 
 
@@ -307,6 +325,11 @@ def _table(lines: Sequence[Line], duration: float, most: int) -> list[Any]:
     middles = (times[kept[ends]] + times[kept[ends + 1]]) / 2
     own = np.insert(times[kept], ends + 1, middles)
     return [_packed_times(own, duration), [_packed(np.insert(each[kept], ends + 1, np.nan)) for each in values]]
+
+
+def _own_table(lines: Sequence[Line]) -> list[Any]:
+    """Return the places on the axis of a chart that is not over time, and the values of each line."""
+    return [_packed(lines[0].column.times), [_packed(line.column.values) for line in lines]]
 
 
 def _track(track: Track | None, duration: float) -> list[str] | None:
