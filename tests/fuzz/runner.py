@@ -48,6 +48,7 @@ NAMES = (
     "owners",
     "editors",
     "missions",
+    "motions",
 )
 """The campaigns, each a module of this package."""
 

@@ -147,6 +147,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),
     "editors": ("msggen.lsp.project.State.is_whole", lambda *_: True),
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
+    "motions": ("msggen.analysis.response._usable", lambda column: column),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
