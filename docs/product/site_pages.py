@@ -43,6 +43,7 @@ GROUPS = {
     "Recordings": (
         "docs/recordings",
         "docs/report",
+        "docs/plots",
         "docs/reading",
         "docs/stores",
         "docs/fleet",
