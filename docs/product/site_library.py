@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from types import ModuleType
 
-FACADES = ("msggen", "msggen.live", "msggen.recordings")
+FACADES = ("msggen", "msggen.live", "msggen.recordings", "msggen.analysis")
 """Packages whose names are imported on first use."""
 
 PUBLIC = {

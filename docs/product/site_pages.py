@@ -44,6 +44,7 @@ GROUPS = {
         "docs/recordings",
         "docs/report",
         "docs/findings",
+        "docs/plots",
         "docs/reading",
         "docs/assistants",
         "docs/stores",

@@ -21,13 +21,14 @@ from msggen.analysis.response import Response
 from msggen.analysis.sampling import flown
 from msggen.analysis.spectrum import (
     SENSORS,
-    Motion,
     Sensor,
     Spectrogram,
     Spectrum,
+    Windows,
     motion_of,
     spectrogram_of,
     spectrum_of,
+    windows_of,
 )
 from msggen.analysis.spectrum import TOPICS as SPECTRA
 from msggen.base.diagnostics import suggestion
@@ -62,7 +63,7 @@ def sensor_spectrum(
     """
     recorded = _recorded(log, SPECTRA)
     with np.errstate(all="ignore"):
-        return said(spectrum_of(recorded, _motion(recorded, source, sensor, (start, stop))))
+        return spectrum_of(recorded, _windows(recorded, source, sensor, (start, stop)))
 
 
 def sensor_spectrogram(
@@ -71,7 +72,7 @@ def sensor_spectrogram(
     """Return how strongly a sensor moves over time: the sum of its axes. The arguments are as in `sensor_spectrum`."""
     recorded = _recorded(log, SPECTRA)
     with np.errstate(all="ignore"):
-        return said(spectrogram_of(recorded, _motion(recorded, source, sensor, (start, stop)), start or 0.0, stop))
+        return spectrogram_of(recorded, _windows(recorded, source, sensor, (start, stop)), start or 0.0, stop)
 
 
 def actuator_outputs(log: Log, *, start: float | None = None, stop: float | None = None) -> list[Outputs]:
@@ -124,7 +125,7 @@ def _recorded(log: Log, topics: Collection[str]) -> Recorded:
     return Recorded(log, lambda name: name in topics or name in sampling.TOPICS)
 
 
-def _motion(recorded: Recorded, source: str, name: str, times: tuple[float | None, float | None]) -> Motion:
+def _windows(recorded: Recorded, source: str, name: str, times: tuple[float | None, float | None]) -> Windows:
     chosen = sources(source)
     sensor, topic, instance = next((each for each in chosen if each[0].name == name), chosen[0])
-    return said(motion_of(recorded, sensor, topic, instance, spans=flown(recorded, *times)))
+    return said(windows_of(said(motion_of(recorded, sensor, topic, instance, spans=flown(recorded, *times)))))

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _MOST_WINDOWS, _FEWEST_WINDOWS = 100, 5
 """The windows that are used at most, those with the largest changes; and those that are needed."""
+_AT_ONCE = 25
+"""The rows of a matrix that are multiplied at once: more run on several threads, which wait for each other for long."""
 _PARTS = 8
 """The parts of a flight whose responses make the spread."""
 _NOISE, _LEAST_NOISE = 1e-2, 1e-3
@@ -61,7 +63,7 @@ class Loop(NamedTuple):
 def _angle(name: str) -> Loop:
     measured = f"vehicle_attitude.{name}", f"vehicle_odometry.{name}"
     setpoint = f"vehicle_attitude_setpoint.{name}", f"vehicle_attitude_setpoint.{name}_body"
-    return Loop(name, "deg", measured, setpoint, seconds=2.0, window=2.0, rate=50.0, least=5.0)
+    return Loop(name, "deg", measured, setpoint, seconds=2.0, window=2.0, rate=45.0, least=5.0)
 
 
 def _rate(name: str, place: int) -> Loop:
@@ -187,7 +189,7 @@ def response_of(loop: Loop, setpoint: Column, measured: Column, spans: Spans) ->
         path = (setpoint if intervals[0] > intervals[1] else measured).path.partition(".")[0]
         return Response(
             loop,
-            f"too few samples: {1 / slowest:.2g} Hz of {path}, at least {_COARSEST / loop.seconds:.0f} Hz tell it",
+            f"too few samples: {1 / slowest:.2g} Hz of {path}, at least {_COARSEST / loop.seconds:.0f} Hz are needed",
         )
     rate = min(loop.rate, 1 / intervals[1])
     taps, rows = round(loop.seconds * rate), round(loop.window * rate)
@@ -200,7 +202,7 @@ def response_of(loop: Loop, setpoint: Column, measured: Column, spans: Spans) ->
         return Response(
             loop,
             f"too little excitation: the setpoint changed by up to {largest:.1f} {loop.unit} in {loop.window:.0f} s, "
-            f"and by {loop.least:.0f} {loop.unit} or more in {counted(len(used), 'window')}; {_FEWEST_WINDOWS} tell it",
+            f"by {loop.least:.0f} {loop.unit} or more in {counted(len(used), 'window')}, not in {_FEWEST_WINDOWS}",
             windows=len(used),
             excitation=largest,
         )
@@ -259,7 +261,9 @@ def _solved(loop: Loop, windows: Sequence[_Window], shape: tuple[float, int, int
         moved = outputs - np.average(outputs, weights=weights)
         weighted = matrix.T * weights
         part = number * parts // len(windows)
-        powers[part] += weighted @ matrix
+        for first in range(0, rows, _AT_ONCE):
+            block = slice(first, first + _AT_ONCE)
+            powers[part] += weighted[:, block] @ matrix[block]
         products[part] += weighted @ moved
         energy += float(weights @ moved**2)
     power, product = powers.sum(axis=0), products.sum(axis=0)
@@ -282,9 +286,10 @@ def _solved(loop: Loop, windows: Sequence[_Window], shape: tuple[float, int, int
 
 def _impulses(power: NDArray[np.float64], product: NDArray[np.float64], noise: float) -> NDArray[np.float64]:
     """Return the response to an impulse. The more noise, the more slowly it changes from sample to sample."""
-    changes = np.eye(len(power)) - np.eye(len(power), k=-1)
-    smooth = noise * float(np.trace(power)) / len(power) * (changes.T @ changes)
-    return np.asarray(np.linalg.solve(power + smooth, product), np.float64)
+    changes = 2 * np.eye(len(power)) - np.eye(len(power), k=1) - np.eye(len(power), k=-1)
+    changes[-1, -1] = 1  # the sum of the squares of h[0], h[1] - h[0], h[2] - h[1] ...
+    noise *= float(np.trace(power)) / len(power)
+    return np.asarray(np.linalg.solve(power + noise * changes, product), np.float64)
 
 
 def _step(impulses: NDArray[np.float64]) -> NDArray[np.float64]:

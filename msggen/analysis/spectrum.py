@@ -36,6 +36,8 @@ _WIDTH = 2
 """The bins on both sides of a peak that belong to it: the main lobe of a Hann window."""
 _AROUND, _TONE = 16, 6.0
 """The bins on both sides of a tone whose median is the noise, and by how much the tone is stronger."""
+_QUIETEST, _LOUDEST = 5.0, 99.9
+"""The percentiles of a spectrogram between which colours differ."""
 _FLOOR = 1e-20
 """The density that stands for none."""
 
@@ -191,6 +193,12 @@ class Spectrogram(NamedTuple):
         """Of shape (n, m): the density in dB, NaN where there are no samples."""
         return decibels(self.density)
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """The densities in dB between which colours differ."""
+        low, high = np.nanpercentile(self.decibels, (_QUIETEST, _LOUDEST)).tolist()
+        return low, max(high, low + 1.0)
+
 
 _NOISE_BANDWIDTH = 1.5
 """The bandwidth of the noise in a bin of a Hann window, in bins."""
@@ -279,9 +287,10 @@ def _from_fifo(recorded: Recorded, sensor: Sensor, instance: int) -> Motion | No
     return Motion(sensor, _path(sensor.fifo, instance), rate, times, values, found)
 
 
-class _Windows(NamedTuple):
+class Windows(NamedTuple):
     """Windows that overlap by half: when each begins, how long they are in s, and their densities."""
 
+    motion: Motion
     begins: NDArray[np.float64]
     seconds: float
     frequencies: NDArray[np.float64]
@@ -289,7 +298,8 @@ class _Windows(NamedTuple):
     """Of shape (windows, 3, frequencies)."""
 
 
-def _windows(motion: Motion) -> _Windows | Unsaid:
+def windows_of(motion: Motion) -> Windows | Unsaid:
+    """Return the densities of a sensor in windows without a gap. A long recording has some of them only."""
     length = int(np.clip(2 ** round(np.log2(motion.rate * _WINDOW)), _SHORTEST, _LONGEST))
     firsts = [np.arange(begin, end - length + 1, length // 2) for begin, end in motion.runs if end - begin >= length]
     starts = np.concatenate(firsts) if firsts else np.zeros(0, np.intp)
@@ -310,28 +320,21 @@ def _windows(motion: Motion) -> _Windows | Unsaid:
     density = np.concatenate(found)
     if not len(density):
         seconds = length / motion.rate
-        return Unsaid(f"no {seconds:.1f} s of {motion.path} without a gap while the vehicle was armed")
+        return Unsaid(f"no {seconds:.1f} s of {motion.path} without a gap in flight")
     frequencies = np.linspace(0, motion.rate / 2, length // 2 + 1)
-    return _Windows(np.concatenate(begins), length / motion.rate, frequencies, density)
+    return Windows(motion, np.concatenate(begins), length / motion.rate, frequencies, density)
 
 
-def spectrum_of(recorded: Recorded, motion: Motion) -> Spectrum | Unsaid:
+def spectrum_of(recorded: Recorded, found: Windows) -> Spectrum:
     """Return the spectrum of a sensor."""
-    found = _windows(motion)
-    if isinstance(found, Unsaid):
-        return found
+    motion, density = found.motion, found.density.mean(axis=0)
     marks = tuple(_marks(recorded, motion))
-    density = found.density.mean(axis=0)
     return Spectrum(motion.sensor, motion.path, motion.rate, len(found.begins), found.frequencies, density, marks)
 
 
-def spectrogram_of(
-    recorded: Recorded, motion: Motion, start: float = 0.0, stop: float | None = None
-) -> Spectrogram | Unsaid:
+def spectrogram_of(recorded: Recorded, found: Windows, start: float = 0.0, stop: float | None = None) -> Spectrogram:
     """Return the spectrogram of a sensor between two times in s."""
-    found = _windows(motion)
-    if isinstance(found, Unsaid):
-        return found
+    motion = found.motion
     stop = recorded.duration if stop is None else stop
     span = max(stop - start, found.seconds)
     columns = int(np.clip(2 * span / found.seconds, 1, _MOST_COLUMNS))

@@ -39,8 +39,6 @@ _MOST_SOURCES = 16
 _AXES = "xyz"
 _LABEL = {"facecolor": "w", "alpha": 0.7, "lw": 0, "pad": 1}
 """The background of a text in a spectrogram."""
-_LOUDEST, _QUIETEST = 99.9, 5.0
-"""The percentiles of a spectrogram between which colours differ."""
 
 
 class Span(NamedTuple):
@@ -222,7 +220,7 @@ def _spectrograms(log: Log, words: Sequence[str], span: Span) -> tuple[Sequence[
 def _spectrogram(found: Spectrogram) -> Callable[[Axes], None]:
     def draw(axes: Axes) -> None:
         values = found.decibels
-        low, high = np.nanpercentile(values, (_QUIETEST, _LOUDEST))
+        low, high = found.range
         image = axes.pcolormesh(
             found.edges, found.frequencies, values[:-1], cmap="viridis", vmin=low, vmax=high, rasterized=True, zorder=1
         )

@@ -55,7 +55,7 @@
   }
 
   function fit(plot) {
-    if (plot && (plot.scales.x.min !== view.low || plot.scales.x.max !== view.high)) {
+    if (plot && !plot.own && (plot.scales.x.min !== view.low || plot.scales.x.max !== view.high)) {
       plot.setScale("x", { min: view.low, max: view.high });
     }
   }
@@ -112,13 +112,45 @@
     ctx.restore();
   }
 
+  function drawFrequencies(marks) {
+    return (plot) => {
+      const { ctx, bbox } = plot;
+      const place = (value) => Math.round(plot.valToPos(value, "x", true));
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      ctx.font = 11 * devicePixelRatio + "px system-ui, sans-serif";
+      ctx.textAlign = "right";
+      for (const [label, low, high] of marks) {
+        ctx.strokeStyle = ctx.fillStyle = colour(low < high ? "--bad" : "--faint");
+        ctx.globalAlpha = 0.12;
+        ctx.fillRect(place(low), bbox.top, place(high) - place(low), bbox.height);
+        ctx.globalAlpha = 1;
+        ctx.setLineDash([4 * devicePixelRatio, 3 * devicePixelRatio]);
+        ctx.beginPath();
+        ctx.moveTo(place(low), bbox.top);
+        ctx.lineTo(place(low), bbox.top + bbox.height);
+        ctx.stroke();
+        ctx.translate(place(low) - 3 * devicePixelRatio, bbox.top + 2);
+        ctx.rotate(-Math.PI / 2);
+        ctx.fillText(label, 0, 0);
+        ctx.setTransform(1, 0, 0, 1, 0, 0);
+      }
+      ctx.restore();
+    };
+  }
+
   // charts
 
   const heightOf = (width) => (width < 500 ? 190 : 220);
 
   function make(element) {
     const chart = data.charts[Number(element.dataset.chart)];
-    const tables = chart.tables.map(([when, values]) => [times(when), ...values.map(numbers)]);
+    const own = chart.axis; // of a chart that is not over time
+    const places = own ? (text) => Array.from(floats(text)) : times;
+    const tables = chart.tables.map(([when, values]) => [places(when), ...values.map(numbers)]);
+    const atPlace = (value) => shortened(value) + (own.unit ? " " + own.unit : "");
     const ink = () => colour("--faint");
     const grid = { stroke: () => colour("--line"), width: 1 };
     const step = uPlot.paths.stepped({ align: 1 });
@@ -127,13 +159,13 @@
       {
         width: element.clientWidth,
         height: heightOf(element.clientWidth),
-        scales: { x: { time: false, min: view.low, max: view.high }, y: { range: (self, low, high) => around(low, high) } },
+        scales: { x: { time: false, min: own ? own.low : view.low, max: own ? own.high : view.high }, y: { range: (self, low, high) => around(low, high) } },
         axes: [
-          { ...axis, space: 70, size: 34, values: (self, splits) => splits.map((each) => clock(each, digitsOf(splits))) },
+          { ...axis, space: 70, size: 34, values: (self, splits) => splits.map(own ? atPlace : (each) => clock(each, digitsOf(splits))) },
           { ...axis, size: 58, values: (self, splits) => splits.map(shortened) },
         ],
         series: [
-          { label: "Time", value: (self, value) => (value === null ? "" : clock(value, 2)) },
+          { label: "Time", value: (self, value) => (value === null ? "" : own ? atPlace(value) : clock(value, 2)) },
           ...chart.lines.map((line) => ({
             label: line.label,
             stroke: () => colour("--line-" + line.colour),
@@ -144,22 +176,21 @@
             value: (self, value, number, at) => valueAt(self, number, at, chart.unit),
           })),
         ],
-        cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
+        cursor: { drag: { x: true, y: false, setScale: Boolean(own) }, points: { size: 6 } },
         legend: { live: true },
-        hooks: {
-          drawClear: [drawBehind],
-          draw: [drawMarks],
-          setSelect: [select],
-          setCursor: [follow],
-        },
+        hooks: own
+          ? { draw: [drawFrequencies(own.marks)] }
+          : { drawClear: [drawBehind], draw: [drawMarks], setSelect: [select], setCursor: [follow] },
       },
       uPlot.join(tables),
       element
     );
+    plot.own = own;
+    plots.set(element, plot);
+    if (own) return;
     plot.over.addEventListener("dblclick", () => show(...whole));
     plot.over.addEventListener("wheel", (event) => wheel(plot, event), { passive: false });
     touch(plot);
-    plots.set(element, plot);
   }
 
   function around(low, high) {
@@ -205,7 +236,7 @@
     const time = left >= 0 ? plot.posToVal(left, "x") : null;
     for (const element of visible) {
       const other = plots.get(element);
-      if (other && other !== plot) {
+      if (other && other !== plot && !other.own) {
         other.setCursor(time === null ? { left: -10, top: -10 } : { left: other.valToPos(time, "x"), top: -10 });
       }
     }

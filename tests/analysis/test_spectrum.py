@@ -14,13 +14,14 @@ from msggen.analysis.spectrum import (
     ACCEL,
     GYRO,
     Mark,
-    Motion,
     Sensor,
     Spectrogram,
     Spectrum,
+    Windows,
     motion_of,
     spectrogram_of,
     spectrum_of,
+    windows_of,
 )
 
 _SECONDS = 20.0
@@ -87,22 +88,21 @@ def ticks(rate: float) -> Any:
     return np.arange(0, _SECONDS, 1 / rate)
 
 
-def motion(recorded: Recorded, sensor: Sensor = GYRO) -> Motion:
+def windows(recorded: Recorded, sensor: Sensor = GYRO) -> Windows | Unsaid:
     found = motion_of(recorded, sensor, spans=((0.0, _SECONDS),))
-    assert isinstance(found, Motion), found
-    return found
+    return found if isinstance(found, Unsaid) else windows_of(found)
 
 
 def spectrum(recorded: Recorded, sensor: Sensor = GYRO) -> Spectrum:
-    found = spectrum_of(recorded, motion(recorded, sensor))
-    assert isinstance(found, Spectrum), found
-    return found
+    found = windows(recorded, sensor)
+    assert isinstance(found, Windows), found
+    return spectrum_of(recorded, found)
 
 
 def spectrogram(recorded: Recorded) -> Spectrogram:
-    found = spectrogram_of(recorded, motion(recorded))
-    assert isinstance(found, Spectrogram), found
-    return found
+    found = windows(recorded)
+    assert isinstance(found, Windows), found
+    return spectrogram_of(recorded, found)
 
 
 @pytest.mark.parametrize("rate", [250.0, 799.0])
@@ -249,11 +249,6 @@ class _WithEsc(Made):
     ],
 )
 def test_what_tells_nothing_says_why(topics: dict[str, Any], reason: str) -> None:
-    recorded = Made(topics)
-    found = motion_of(recorded, GYRO, spans=((0.0, _SECONDS),))
-    told = (
-        [found, found] if isinstance(found, Unsaid) else [spectrum_of(recorded, found), spectrogram_of(recorded, found)]
-    )
-    for each in told:
-        assert isinstance(each, Unsaid)
-        assert each.reason.startswith(reason)
+    found = windows(Made(topics))
+    assert isinstance(found, Unsaid)
+    assert found.reason.startswith(reason)

@@ -16,6 +16,7 @@ from msggen.exports.report.pair import report_of_both
 from support.browser import CSS, complaints, prefer, resize, wait_for
 from support.examples import by_day
 from support.markup_attacks import ATTACKS
+from support.moving import write_moving
 from support.report_flights import DURATION, FAILSAFE, TAKEOFF, write_mcap, write_ulog
 
 if TYPE_CHECKING:
@@ -53,9 +54,9 @@ def opened(browser: Chrome, page: Path) -> None:
 
 
 def ranges(browser: Chrome) -> set[tuple[float, float]]:
-    """Return the times that the charts in view show."""
-    script = "return [...flightReport.plots.values()].map((each) => [each.scales.x.min, each.scales.x.max])"
-    return {(low, high) for low, high in browser.execute_script(script)}
+    """Return the times that the charts in view show, of those over time."""
+    script = "[...flightReport.plots.values()].filter((each) => !each.own).map(({ scales: { x } }) => [x.min, x.max])"
+    return {(low, high) for low, high in browser.execute_script(f"return {script}")}
 
 
 def drag(browser: Chrome, first: float, last: float) -> None:
@@ -85,6 +86,27 @@ def test_zooming_a_chart_zooms_all(browser: Chrome, page: Path) -> None:
     assert ranges(browser) == {(low, high)}, "charts that come into view later show the same time"
     browser.find_element(CSS, "[data-action=all]").click()
     assert browser.execute_script(f"return {_VIEW}") == [0, duration]
+
+
+def test_charts_with_axes_of_their_own_stay_and_spectrograms_follow(
+    browser: Chrome, tmp_path: Path, px4_types: Any
+) -> None:
+    with recordings.open(str(write_moving(tmp_path / "moving.mcap", px4_types))) as log:
+        (tmp_path / "report.html").write_text(report(log), encoding="utf-8")
+    opened(browser, tmp_path / "report.html")
+    browser.execute_script("document.querySelector('.spectrogram').scrollIntoView({block: 'end'})")
+    own = "[...flightReport.plots.values()].filter((each) => each.own)"
+    wait_for(browser, f"{own}.length == 5 && document.querySelector('.spectrogram img').naturalWidth > 0")
+    script = f"return {own}.map((each) => [each.own.unit, each.scales.x.min, each.scales.x.max])"
+    before = browser.execute_script(script)
+    assert [unit for unit, _, _ in before] == ["s", "s", "Hz", "Hz", ""]
+    assert before[2][2] == pytest.approx(50, rel=0.01)
+    width = "return document.querySelector('.spectrogram img').getBoundingClientRect().width"
+    whole = browser.execute_script(width)
+    browser.find_element(CSS, "[data-action=in]").click()
+    assert browser.execute_script(width) == pytest.approx(2 * whole, rel=0.01)
+    assert browser.execute_script(script) == before
+    assert complaints(browser) == []
 
 
 def test_buttons_move_and_zoom_within_the_log(browser: Chrome, page: Path) -> None:

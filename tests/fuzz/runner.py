@@ -50,6 +50,7 @@ NAMES = (
     "missions",
     "mcp",
     "zenoh",
+    "motions",
 )
 """The campaigns, each a module of this package."""
 

@@ -149,6 +149,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
     "mcp": ("msggen.mcp.places.Places._is_inside", lambda *_: True),
     "zenoh": ("msggen.link.rmw_zenoh.vehicles.MAX_VEHICLES", 1 << 30),
+    "motions": ("msggen.analysis.response._usable", lambda column: column),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""

@@ -26,7 +26,7 @@ _ELEMENTS = {
         "h2",
     ),
     *("h3", "p", "ul", "li", "dl", "dt", "dd", "a", "b", "i", "small", "span", "button", "figure", "figcaption", "svg"),
-    *("path", "canvas", "details", "summary", "table", "thead", "tbody", "tr", "th", "td", "noscript", "script"),
+    *("path", "canvas", "details", "summary", "table", "thead", "tbody", "tr", "th", "td", "noscript", "script", "img"),
 }
 """The elements of a report."""
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from msggen.analysis.recorded import Column, Recorded, angle_of, spans
 from msggen.base.diagnostics import few
+from msggen.exports.report.analysed import Axis, Image, analysed
 from msggen.exports.report.drawing import MOST as MOST_OF_TRACK
 from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
 from msggen.recordings.log.thinning import MOST, spread, thinned_lines
@@ -68,19 +69,22 @@ class Line:
 
 
 class Chart(NamedTuple):
-    """Lines over time. `number` is its place in the data of the script."""
+    """Lines, over time if there is no other axis. `number` is its place in the data of the script."""
 
     number: int
     title: str
     unit: str
     lines: Sequence[Line]
+    axis: Axis | None = None
+    notes: Sequence[str] = ()
 
     @property
     def label(self) -> str:
         """The chart in words."""
         names = few(list(dict.fromkeys(line.label for line in self.lines)))
         unit = f" in {self.unit}" if self.unit else ""
-        return f"{self.title}{unit} over time: {names}"
+        over = " over time" if self.axis is None else f" over {self.axis.unit}" if self.axis.unit else ""
+        return f"{self.title}{unit}{over}: {names}"
 
 
 class Row(NamedTuple):
@@ -104,7 +108,8 @@ class Section(NamedTuple):
 
     title: str
     charts: Sequence[Chart]
-    flags: Sequence[Flags]
+    flags: Sequence[Flags] = ()
+    images: Sequence[Image] = ()
 
 
 class Charts(NamedTuple):
@@ -112,6 +117,8 @@ class Charts(NamedTuple):
 
     sections: Sequence[Section]
     missing: Sequence[str]
+    untold: Sequence[str] = ()
+    """The same for what analysis finds, with the reasons."""
 
 
 def charts_of(recorded: Recorded) -> Charts:
@@ -124,7 +131,14 @@ def charts_of(recorded: Recorded) -> Charts:
         flags = [found for lanes in LANES if lanes.group == group.title and (found := _flags(recorded, lanes))]
         if charts or flags:
             sections.append(Section(group.title, charts, flags))
-    return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()])
+    own, images, untold = analysed(recorded)
+    if own:
+        drawn = [
+            Chart(next(numbers), each.title, each.unit, [Line(*line) for line in each.lines], each.axis, each.notes)
+            for each in own
+        ]
+        sections.append(Section("Responses and spectra", drawn, images=images))
+    return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()], untold)
 
 
 def _charts(
@@ -258,7 +272,7 @@ _WHOLE = 0xFFFF_FFFF
 _CALM = ("notice", "info", "debug", "unknown")
 
 
-class Axis(NamedTuple):
+class Times(NamedTuple):
     """The time axis of a page, in s: when it begins, and how long it is."""
 
     begin: float
@@ -274,47 +288,51 @@ class Shown(NamedTuple):
     track: Track | None
 
 
-def data_of(axis: Axis, flights: Sequence[Shown], sections: Sequence[Section]) -> str:
+def data_of(span: Times, flights: Sequence[Shown], sections: Sequence[Section]) -> str:
     """Return the data as JSON that can stand in a script element of a page."""
     made = {
-        "begin": axis.begin,
-        "duration": axis.duration,
+        "begin": span.begin,
+        "duration": span.duration,
         "flights": [
             {
                 "name": name,
                 "modes": [list(each) for each in timeline.modes],
                 "failsafes": [list(each) for each in timeline.failsafes],
-                "track": _track(track, axis),
+                "track": _track(track, span),
             }
             for name, timeline, track in flights
         ],
-        "marks": sorted(mark for flight in flights for mark in _marks(flight, axis, _MOST_MARKS // len(flights))),
-        "charts": [_chart(chart, axis, len(flights)) for section in sections for chart in section.charts],
+        "marks": sorted(mark for flight in flights for mark in _marks(flight, span, _MOST_MARKS // len(flights))),
+        "charts": [_chart(chart, span, len(flights)) for section in sections for chart in section.charts],
     }
     text = json.dumps(made, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _marks(flight: Shown, axis: Axis, most: int) -> list[list[Any]]:
-    found = [mark for mark in flight.timeline.marks if 0 <= mark.time - axis.begin <= axis.duration]
+def _marks(flight: Shown, span: Times, most: int) -> list[list[Any]]:
+    found = [mark for mark in flight.timeline.marks if 0 <= mark.time - span.begin <= span.duration]
     chosen = sorted(found, key=lambda mark: mark.level in _CALM)[:most]
     front = f"{flight.name}: " if flight.name else ""
     return [[mark.time, int(mark.level in _CALM), f"{front}{mark.text[:120]}"] for mark in chosen]
 
 
-def _chart(chart: Chart, axis: Axis, flights: int) -> dict[str, Any]:
+def _chart(chart: Chart, span: Times, flights: int) -> dict[str, Any]:
     tables: dict[tuple[object, ...], list[Line]] = {}
     for line in chart.lines:
         tables.setdefault(line.table, []).append(line)
     colours = _colours(chart.lines) if flights == 1 else _colours_of_flights(chart.lines)
+    axis = chart.axis
     return {
         "unit": chart.unit,
+        "axis": axis and {**axis._asdict(), "marks": [list(mark) for mark in axis.marks]},
         "lines": [
             {"label": line.label, "colour": colours[line.label], "dash": line.is_setpoint, "step": line.column.is_held}
             for lines in tables.values()
             for line in lines
         ],
-        "tables": [_table(lines, axis, MOST // len(tables)) for lines in tables.values()],
+        "tables": [
+            _own_table(lines) if axis else _table(lines, span, MOST // len(tables)) for lines in tables.values()
+        ],
     }
 
 
@@ -333,27 +351,32 @@ def _colours_of_flights(lines: Sequence[Line]) -> dict[str, int]:
     return {line.label: _OF_FLIGHTS[line.flight][next(counts[line.flight]) % len(_OF_FLIGHTS[0])] for line in lines}
 
 
-def _table(lines: Sequence[Line], axis: Axis, most: int) -> list[Any]:
+def _table(lines: Sequence[Line], span: Times, most: int) -> list[Any]:
     """Return the times of lines that share them, and the values of each. NaN ends a line."""
     times, values = lines[0].column.times, [line.column.values for line in lines]
     kept = thinned_lines(times, values, most)
     ends = ends_of(lines, kept)
     middles = (times[kept[ends]] + times[kept[ends + 1]]) / 2
     own = np.insert(times[kept], ends + 1, middles)
-    return [_packed_times(own, axis), [_packed(np.insert(each[kept], ends + 1, np.nan)) for each in values]]
+    return [_packed_times(own, span), [_packed(np.insert(each[kept], ends + 1, np.nan)) for each in values]]
 
 
-def _track(track: Track | None, axis: Axis) -> list[str] | None:
+def _own_table(lines: Sequence[Line]) -> list[Any]:
+    """Return the places on the axis of a chart that is not over time, and the values of each line."""
+    return [_packed(lines[0].column.times), [_packed(line.column.values) for line in lines]]
+
+
+def _track(track: Track | None, span: Times) -> list[str] | None:
     if track is None:
         return None
     kept = spread(track.times, MOST_OF_TRACK)
     heights = [_packed(track.up[kept])] if np.isfinite(track.up).any() else []
-    return [_packed_times(track.times[kept], axis), _packed(track.east[kept]), _packed(track.north[kept]), *heights]
+    return [_packed_times(track.times[kept], span), _packed(track.east[kept]), _packed(track.north[kept]), *heights]
 
 
-def _packed_times(times: NDArray[np.float64], axis: Axis) -> str:
+def _packed_times(times: NDArray[np.float64], span: Times) -> str:
     """Return times as shares of the axis, in steps of a uint32."""
-    begin, duration = axis
+    begin, duration = span
     shares = np.clip((times - begin) / duration, 0, 1) if duration > 0 else np.zeros(len(times))
     return b64encode(np.rint(shares * _WHOLE).astype("<u4").tobytes()).decode()
 

@@ -27,7 +27,7 @@ from msggen.base.diagnostics import few
 from msggen.base.disk.resources import resource, template_text
 from msggen.base.version import __version__
 from msggen.exports.report import charts as drawn
-from msggen.exports.report.charts import Axis, Charts, charts_of, data_of
+from msggen.exports.report.charts import Charts, Times, charts_of, data_of
 from msggen.exports.report.drawing import Drawing, bars, drawing_of
 from msggen.exports.report.plans import is_needed
 from msggen.exports.report.tables import changes_of, parameters_of, topics_of
@@ -181,9 +181,9 @@ class Page(Shell):
         return None if self.flown is None else drawing_of(self.flown, self.timeline)
 
     @cached_property
-    def axis(self) -> Axis:
+    def axis(self) -> Times:
         """The time axis."""
-        return Axis(0.0, self.recorded.duration or 1.0)
+        return Times(0.0, self.recorded.duration or 1.0)
 
     @cached_property
     def strips(self) -> list[Strip]:
@@ -244,12 +244,12 @@ class Page(Shell):
     @cached_property
     def data(self) -> Markup:
         """The data of the charts: JSON without characters of HTML."""
-        axis = Axis(0.0, self.recorded.duration)
+        axis = Times(0.0, self.recorded.duration)
         flights = [drawn.Shown("", self.timeline, self.flown)]
         return Markup(data_of(axis, flights, self.charts.sections))  # noqa: S704
 
 
-def strip_of(name: str, timeline: Timeline, axis: Axis) -> Strip:
+def strip_of(name: str, timeline: Timeline, axis: Times) -> Strip:
     """Return what happened in a flight over time."""
     spans: dict[str, list[tuple[float, float]]] = {}
     for each in timeline.modes:

@@ -17,7 +17,7 @@ from msggen.analysis.figures import Track
 from msggen.analysis.flight import Flight
 from msggen.analysis.timeline import COLOURS, Timeline
 from msggen.exports.report import charts as drawn
-from msggen.exports.report.charts import Axis, Chart, Charts, Flags, Row, Section, charts_of, data_of
+from msggen.exports.report.charts import Chart, Charts, Flags, Row, Section, Times, charts_of, data_of
 from msggen.exports.report.drawing import Drawing, drawing_of_flights
 from msggen.exports.report.page import MOST_ROWS, NOTHING, Shell, Shown, Strip, strip_of, template_of
 from msggen.exports.report.plans import is_needed
@@ -69,12 +69,12 @@ class Both(Shell):
             yield f"{side}: {' · '.join(filter(None, parts))}"
 
     @cached_property
-    def axis(self) -> Axis:
+    def axis(self) -> Times:
         """The time axis: 0 is the moment at which the flights are compared."""
         moments = self.comparison.moment.first, self.comparison.moment.second
         begin = -max(moments)
         end = max(flight.duration - moment for flight, moment in zip(self.flights, moments, strict=True))
-        return Axis(begin, end - begin or 1.0)
+        return Times(begin, end - begin or 1.0)
 
     @cached_property
     def strips(self) -> list[Strip]:
@@ -216,15 +216,23 @@ def _over_each_other(both: Sequence[Charts], moments: tuple[float, float]) -> Ch
         flags: dict[str, Flags] = {}
         for place, section in enumerate(found):
             for chart in section.charts if section else ():
-                lines = [_line(line, place, moments[place]) for line in chart.lines]
-                before = charts.get(chart.title, chart._replace(lines=()))
-                charts[chart.title] = before._replace(lines=[*before.lines, *lines])
+                charts[chart.title] = _with(charts.get(chart.title), chart, place, moments[place])
             for each in section.flags if section else ():
                 rows = [_row(row, place, moments[place]) for row in each.rows]
                 known = flags.get(each.title, Flags(each.title, ()))
                 flags[each.title] = Flags(each.title, [*known.rows, *rows], known.left_out + each.left_out)
         sections.append(Section(title, list(charts.values()), list(flags.values())))
     return _numbered(sections, both)
+
+
+def _with(before: Chart | None, chart: Chart, place: int, moment: float) -> Chart:
+    """Return a chart of the flights before with that of one more. One with an axis of its own has no times."""
+    lines = [_line(line, place, 0.0 if chart.axis else moment) for line in chart.lines]
+    notes = [f"{SIDES[place]}: {note}" for note in chart.notes]
+    if before is None:
+        return chart._replace(lines=lines, notes=notes)
+    axis = before.axis and chart.axis and before.axis._replace(high=max(before.axis.high, chart.axis.high))
+    return before._replace(lines=[*before.lines, *lines], notes=[*before.notes, *notes], axis=axis)
 
 
 def _numbered(sections: Sequence[Section], both: Sequence[Charts]) -> Charts:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from msggen.analysis.response import LOOPS
+from msggen.analysis.spectrum import TOPICS as SPECTRA
+
 
 class Field(NamedTuple):
     """A line of a chart. `paths` are where it can be from: the first that the recording has."""
@@ -72,21 +75,6 @@ def _velocity(axis: str, place: int) -> tuple[Field, ...]:
     return _tracked(own, setpoint, "v_z_valid" if axis == "vz" else "v_xy_valid")
 
 
-def _angle(name: str) -> tuple[Field, ...]:
-    own = f"vehicle_attitude.{name}", f"{_ODOMETRY}.{name}"
-    return _tracked(own, (f"vehicle_attitude_setpoint.{name}", f"vehicle_attitude_setpoint.{name}_body"))
-
-
-def _rate(name: str, place: int) -> tuple[Field, ...]:
-    own = (
-        f"vehicle_angular_velocity.xyz[{place}]",
-        f"vehicle_attitude.{name}speed",
-        f"sensor_combined.gyro_rad[{place}]",
-        f"{_ODOMETRY}.angular_velocity[{place}]",
-    )
-    return _tracked(own, (f"vehicle_rates_setpoint.{name}",))
-
-
 def _ratio(label: str, *names: str) -> Field:
     return Field(label, tuple(f"estimator_status.{name}_test_ratio" for name in names))
 
@@ -143,14 +131,7 @@ GROUPS: tuple[Group, ...] = (
     ),
     Group(
         "Attitude and rates",
-        (
-            _plan("Roll", "deg", *_angle("roll")),
-            _plan("Pitch", "deg", *_angle("pitch")),
-            _plan("Yaw", "deg", *_angle("yaw")),
-            _plan("Roll rate", "deg/s", *_rate("roll", 0)),
-            _plan("Pitch rate", "deg/s", *_rate("pitch", 1)),
-            _plan("Yaw rate", "deg/s", *_rate("yaw", 2)),
-        ),
+        tuple(_plan(loop.name.capitalize(), loop.unit, *_tracked(loop.measured, loop.setpoint)) for loop in LOOPS),
     ),
     Group(
         "Actuators and sticks",
@@ -159,7 +140,12 @@ GROUPS: tuple[Group, ...] = (
             _plan("Servos", "", _each("servo", "actuator_servos.control")),
             _plan("Actuator outputs", "", _each("output", "actuator_outputs.output"), instead_of=("Motors", "Servos")),
             _plan("Speed of motors", "rpm", _each("motor", "esc_status.esc")),
-            _plan("Thrust setpoint", "", *_axes("vehicle_thrust_setpoint", "xyz")),
+            _plan(
+                "Thrust setpoint",
+                "",
+                *_axes("vehicle_thrust_setpoint", "xyz"),
+                _line("z to hover", "hover_thrust_estimate.hover_thrust", valid="valid", scale=-1.0, is_setpoint=True),
+            ),
             _plan("Torque setpoint", "", *_axes("vehicle_torque_setpoint", "xyz")),
             _plan("Sticks", "", *(_stick(name, old) for name, old in _STICKS)),
         ),
@@ -256,6 +242,7 @@ LANES: tuple[Lanes, ...] = (
 _NAMES = frozenset(
     {
         *("vehicle_status", "actuator_armed", "vehicle_global_position"),
+        *SPECTRA,
         *(
             path.partition(".")[0]
             for group in GROUPS
