@@ -17,6 +17,7 @@ from msggen.analysis.flight import Flight, flight_of
 from msggen.analysis.rules.table import TOPICS as OF_RULES
 from msggen.base.diagnostics import few
 from msggen.base.recording_formats import FORMATS
+from msggen.messages.vehicle_types import ROVER
 
 if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
@@ -140,9 +141,10 @@ def _moment(first: Flight, second: Flight) -> Moment:
 
 
 def _takeoff(flight: Flight) -> float | None:
-    """Return when the vehicle first left the ground, None if the recording does not have that."""
+    """Return when the vehicle first left the ground, None if the recording does not have that, or for a rover."""
     landed = flight.recorded.column("vehicle_land_detected", "landed")
-    if landed is None:
+    kind = flight.recorded.column("vehicle_status", "vehicle_type")
+    if landed is None or (kind is not None and kind.values[-1] == ROVER):  # "landed" is a rover that is disarmed
         return None
     taken_off = np.flatnonzero((landed.values[:-1] > 0) & (landed.values[1:] == 0))
     return float(landed.times[taken_off[0] + 1]) if len(taken_off) else None

@@ -21,6 +21,9 @@ def flights(tmp_path_factory: pytest.TempPathFactory, px4_types: Any) -> dict[st
     folder = tmp_path_factory.mktemp("flights")
     status, local, rover = px4_types.VehicleStatus, px4_types.VehicleLocalPosition, px4_types.VehicleStatus
     mark = [
+        ("/fmu/out/vehicle_land_detected", step, px4_types.VehicleLandDetected(landed=step < 2)) for step in range(4)
+    ]
+    mark += [
         ("/fmu/out/vehicle_status", step / 5, rover(arming_state=2, vehicle_type=3, failsafe=step > 5))
         for step in range(20)
     ]
@@ -60,7 +63,17 @@ def test_what_differs_is_told(flights: dict[str, str], tmp_path: Path, px4_types
 def test_flights_are_aligned_at_the_takeoff_if_both_have_it(flights: dict[str, str]) -> None:
     moment = compared(flights["ulog"], flights["mcap"]).moment
     assert tuple(moment) == ("takeoff", pytest.approx(TAKEOFF), pytest.approx(TAKEOFF))
-    assert compared(flights["ulog"], flights["rover"]).moment == ("start", 0, 0)
+    assert compared(flights["ulog"], flights["rover"]).moment == ("start", 0, 0)  # a rover takes off no more than a car
+
+
+def test_of_several_vehicles_in_a_recording_one_is_compared(tmp_path: Path, px4_types: Any) -> None:
+    local = px4_types.VehicleLocalPosition
+    names = ["/px4_1/fmu/out/vehicle_local_position", "/px4_2/fmu/out/vehicle_local_position", "/px4_2/fmu/out/x"]
+    samples = [(name, step / 10, local(xy_valid=True)) for step in range(20) for name in names]
+    several = str(write_recording(tmp_path / "two.mcap", samples))
+    single = str(write_recording(tmp_path / "one.mcap", [(names[0], time, message) for _, time, message in samples]))
+    assert compared(several, single).notes[0] == "A is /px4_2, not: /px4_1"
+    assert compared(several, single).topics == (("x",), ())
 
 
 def test_a_finding_of_one_flight_says_why_the_other_has_none(flights: dict[str, str]) -> None:
