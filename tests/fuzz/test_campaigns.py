@@ -145,9 +145,9 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "stalls": ("msggen.link.xrce.streams.ReliableOutput.expire", lambda *_: 0),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
     "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),
+    "mcp": ("msggen.mcp.places.Places._is_inside", lambda *_: True),
     "editors": ("msggen.lsp.project.State.is_whole", lambda *_: True),
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
-    "mcp": ("msggen.mcp.places.Places._is_inside", lambda *_: True),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
