@@ -46,9 +46,9 @@ NAMES = (
     "records",
     "stalls",
     "owners",
+    "mcp",
     "editors",
     "missions",
-    "mcp",
     "zenoh",
     "motions",
 )
