@@ -17,7 +17,7 @@ ZID = "0a" * 16
 def key_of(message: str, version: int, name: str) -> Key:
     """Return the key of a topic with a version of a message, as an embedded release has it."""
     table = json.loads(DEFINITIONS.read_text(encoding="utf-8"))
-    found = next(each for each, row in table.items() if row[:2] == [message, version])
+    found = next(each for each, row in table.items() if row[0] == message and version in row[1])
     return Key(0, name, f"px4_msgs/msg/{message}", f"RIHS01_{found}")
 
 
