@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from msggen.link.rmw_zenoh.definitions import Definition, definition_of
@@ -36,3 +38,20 @@ def token_of(key: Key | None, guid: bytes = GUID, zid: str = ZID) -> str:
     """Return the token of a vehicle's node, or of its endpoint."""
     kind: Any = "NN" if key is None else "MP" if "/out/" in key.name else "MS"
     return str(Token(0, zid, kind, f"px4_{guid.hex()}", key))
+
+
+@contextmanager
+def session(port: int, mode: str = "client") -> Iterator[Any]:
+    """Open a session of another program, which is a client of a router, or the router."""
+    import zenoh
+
+    made = zenoh.Config()
+    place = "connect" if mode == "client" else "listen"
+    for key, value in (
+        ("mode", f'"{mode}"'),
+        (f"{place}/endpoints", f'["tcp/127.0.0.1:{port}"]'),
+        ("scouting/multicast/enabled", "false"),
+    ):
+        made.insert_json5(key, value)
+    with zenoh.open(made) as opened:
+        yield opened

@@ -341,11 +341,7 @@ class Vehicles:
     def _refuse_key(self, text: str) -> None:
         if _OLD.fullmatch(text):
             self.refused["samples of PX4 before v1.17"] += 1
-            self._warn(
-                f"'{text}' is published in the form of PX4 v1.16, whose samples are not CDR: fields of 8 bytes lie at "
-                "multiples of 4: update the firmware to v1.17, or use its uxrce_dds_client, --link udp://",
-                "old",
-            )
+            self._warn(old_form(text), "old")
         else:
             self.refused["samples whose key is not of the form"] += 1
 
@@ -393,4 +389,12 @@ def _route_of(key: Key, release: int) -> Route:
         -1,
         key.type_hash,
         found.message_hash if found else 0,
+    )
+
+
+def old_form(key: str) -> str:
+    """Return the warning of a vehicle whose release cannot be read."""
+    return (
+        f"'{key}' is published in the form of PX4 v1.16, whose samples are not CDR: fields of 8 bytes lie at multiples "
+        "of 4: update the firmware to v1.17, or use its uxrce_dds_client, --link udp://"
     )
