@@ -141,7 +141,10 @@ class Entry:
         if not link.is_shared:
             return self.last.get(route.name)
         found = link.last(self.remote, route)
-        return (found.payload, found.time) if found is not None else None
+        if found is None:
+            return None
+        self.last.setdefault(route.name, (found.payload, found.time))
+        return found.payload, found.time
 
     def decoding(self, feed: Feed, route: Route, packages: Packages) -> Decoding | None:
         """Return how the samples of a route become messages of a subscription. None if they do not: it fails then."""

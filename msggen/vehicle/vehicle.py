@@ -37,6 +37,7 @@ from msggen.messages.packages import (
     packages_of,
     response_of,
 )
+from msggen.messages.zenoh_topics import ABSENT
 from msggen.vehicle.absence import PATIENCE, absence
 from msggen.vehicle.entry import Entry, Member
 from msggen.vehicle.feed import LOGGER, Feed, Options
@@ -539,6 +540,8 @@ class Vehicle:
         if not entry.is_ready:
             raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
         names = [stem_of(route.name) for route in tuple(entry.routes.values()) if route.direction == "in"]
-        near = suggestion(found.stem, names) if found.namespace in (None, entry.remote.namespace) else ""
+        is_own = found.namespace in (None, entry.remote.namespace)
+        is_absent = bool(entry.remote.guid) and found.stem in ABSENT
+        near = suggestion(found.stem, names) if is_own and not is_absent else ""
         why = near or f": {why_missing(entry.remote, found.namespace)}"
         raise TopicError(f"{shown(entry.remote)} does not read '{found.name}'{why}")
