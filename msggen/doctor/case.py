@@ -40,7 +40,7 @@ class Case(NamedTuple):
         last = {}
         for each in self.seen.vehicles:
             remote = each.remote
-            last[remote.key, remote.namespace, remote.address if remote.key in shared else ""] = each
+            last[remote.identity, remote.address if remote.key in shared else ""] = each
         return tuple(each for each in last.values() if self.selection.accepts(each.remote))
 
     @property

@@ -35,7 +35,8 @@ def find_taken(case: Case) -> Iterator[Change]:
         text = f"{place} is in use by {names}: {_end_of(seen)}"
     else:
         text = f"{place} is in use by a process of another user: `sudo {_search(seen)}` shows it, end it"
-    other = "" if seen.link_type.is_device else ", or use another port here and at the vehicle (UXRCE_DDS_PRT)"
+    where = "zenoh/net.txt" if seen.link_type.has_router else "UXRCE_DDS_PRT"
+    other = "" if seen.link_type.is_device else f", or use another port here and at the vehicle ({where})"
     yield case.change(place, text + other)
 
 
@@ -47,7 +48,8 @@ def _end_of(seen: Observation) -> str:
 
 
 def _search(seen: Observation) -> str:
-    return f"fuser -v {_place(seen)}" if seen.link_type.is_device else f"ss -ulpn sport = :{seen.port}"
+    kind = "t" if seen.link_type.has_router else "u"
+    return f"fuser -v {_place(seen)}" if seen.link_type.is_device else f"ss -{kind}lpn sport = :{seen.port}"
 
 
 def find_busy_agent(case: Case) -> Iterator[Change]:
@@ -102,7 +104,8 @@ def find_elsewhere(case: Case) -> Iterator[Change]:
 def find_no_client(case: Case) -> Iterator[Change]:
     """Find that nothing arrives at all."""
     seen = case.seen
-    has_arrived = seen.statistics.received or seen.statistics.refused or seen.vehicles
+    is_refused = seen.statistics.refused and not (seen.link_type.has_router and not seen.warnings)
+    has_arrived = seen.statistics.received or is_refused or seen.vehicles
     if (
         seen.is_taken
         or has_arrived
@@ -178,8 +181,10 @@ def _is_slow(client: Client) -> bool:
 
 
 def find_damaged(case: Case) -> Iterator[Change]:
-    """Find datagrams that are damaged, or that are of another protocol."""
+    """Find datagrams that are damaged, or that are of another protocol. On Zenoh, those are of strangers."""
     seen = case.seen
+    if seen.link_type.has_router:
+        return
     reasons = {
         reason: count
         for reason, count in sorted(seen.refused.items(), key=lambda each: -each[1])
@@ -200,7 +205,8 @@ def find_damaged(case: Case) -> Iterator[Change]:
 def find_unready(case: Case) -> Iterator[Change]:
     """Find clients that send, but create no topics."""
     seen = case.seen
-    has_arrived = seen.statistics.received + seen.statistics.refused > 0 and not seen.link_type.has_domain
+    is_told = seen.link_type.has_domain or seen.link_type.has_router  # there is no client
+    has_arrived = seen.statistics.received + seen.statistics.refused > 0 and not is_told
     if not has_arrived or any(each.routes for each in seen.vehicles):
         return
     is_damaged = not seen.clients and any(find_damaged(case))
@@ -269,4 +275,4 @@ def find_wrong_key(case: Case) -> Iterator[Change]:
 
 def _place(seen: Observation) -> str:
     device = seen.link.partition("://")[2].partition("?")[0]
-    return device if seen.link_type.is_device else f"UDP port {seen.port}"
+    return device if seen.link_type.is_device else f"{'TCP' if seen.link_type.has_router else 'UDP'} port {seen.port}"

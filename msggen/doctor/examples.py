@@ -23,6 +23,7 @@ from msggen.doctor.observation import (
     VehicleSeen,
 )
 from msggen.link.link import Client, Remote, Route, Statistics
+from msggen.link.rmw_zenoh.vehicles import old_form
 from msggen.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
 from msggen.messages.measurements import NED, PARTS
 from msggen.messages.names import uorb_name
@@ -88,6 +89,8 @@ _EXCHANGE = {
     "round_trip_time": 2000,
 }
 _SERIAL = _SEEN._replace(link="serial:///dev/ttyUSB0?baud=57600", scheme="serial", baud=57600)
+_ZENOH = _SEEN._replace(link="zenoh://127.0.0.1:7447", scheme="zenoh", port=7447)
+_GUID = "000200000000303339343932510d002d"
 _NOTHING: Mapping[str, Any] = {"vehicles": (), "clients": (), "statistics": Statistics(0, 0, 0, 0, 0, 212992)}
 _AGENT, _PX4 = Process(4711, "MicroXRCEAgent"), Process(4712, "px4")
 _LATER = VehicleSeen(_REMOTE._replace(number=2, address="127.0.0.1:40124"), *_VEHICLE[1:])
@@ -291,6 +294,26 @@ _EXAMPLES: Mapping[str, Callable[[], Case]] = {
         vehicles=(_VEHICLE, _LATER), clients=(_CLIENT, _CLIENT._replace(address="127.0.0.1:40124", number=2))
     ),
     "KEY_WRONG": lambda: HEALTHY._replace(selection=Selection(key=2)),
+    "ZENOH_LIMITED": lambda: HEALTHY._replace(
+        seen=_ZENOH._replace(
+            vehicles=(),
+            clients=(),
+            statistics=Statistics(0, 0, 250, 0, 0, 0),
+            refused={"samples of PX4 before v1.17": 250},
+            warnings=(old_form("fmu/out/vehicle_status"),),
+        )
+    ),
+    "STACK_SMALL": lambda: HEALTHY._replace(
+        seen=_ZENOH._replace(
+            vehicles=(
+                _VEHICLE._replace(
+                    remote=Remote(1, _GUID, 0, "", continued=False, guid=_GUID),
+                    inputs={"/fmu/in/arming_check_reply_v1": InputSeen()},
+                ),
+            ),
+            clients=(),
+        )
+    ),
     "VEHICLE_RESTARTS": lambda: _with(
         vehicles=(_VEHICLE._replace(ended="the vehicle has begun another session"), _LATER)
     ),

@@ -12,7 +12,7 @@ from msggen.doctor.case import Case, matches, message_of, plain
 from msggen.doctor.observation import VehicleSeen
 from msggen.link.link import Route
 from msggen.messages.names import stem_of, version_of, without_namespace
-from msggen.vehicle.selection import shown
+from msggen.vehicle.selection import NOT_ON_ZENOH, shown
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -62,8 +62,9 @@ def _reason(case: Case, name: str, routes: list[Route]) -> tuple[Kind, str]:
     known = {topic for each in case.expected.values() for topic in each.uorb}
     if last in known:
         key = "subscriptions" if "/fmu/in/" in name else "publications"
-        text = f"'{last}' is a uORB topic, but does not cross the bridge: add it to `{key}` in dds_topics.yaml of the"
-        return "bridge", f"{text} firmware, and build both again"
+        text = f"'{last}' is a uORB topic, but does not cross the bridge: "
+        cure = f"add it to `{key}` in dds_topics.yaml of the firmware, and build both again"
+        return "bridge", text + (NOT_ON_ZENOH if case.seen.link_type.has_router else cure)
     names = {stem_of(route.name).rpartition("/")[2] for route in routes}
     hint = suggestion(last, sorted(names)) or suggestion(last, sorted(known))
     return "unknown", f"no topic has the name '{name}'{hint or ': `msggen topic list` shows those of the vehicle'}"
@@ -107,9 +108,9 @@ def find_namespace(case: Case) -> Iterator[Change]:
 
 def find_shared_namespace(case: Case) -> Iterator[Change]:
     """Find vehicles with the same namespace. Clients of one key are another finding."""
-    by_namespace: dict[str, dict[int, VehicleSeen]] = {}
+    by_namespace: dict[str, dict[tuple[int, str, str], VehicleSeen]] = {}
     for vehicle in case.alive:
-        by_namespace.setdefault(vehicle.remote.namespace, {})[vehicle.remote.key] = vehicle
+        by_namespace.setdefault(vehicle.remote.namespace, {})[vehicle.remote.identity] = vehicle
     for namespace, vehicles in by_namespace.items():
         if len(vehicles) > 1:
             what = f"the namespace '{namespace}'" if namespace else "no namespace"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import connecting, naming, release, samples
+from msggen.doctor import connecting, naming, on_zenoh, release, samples
 from msggen.doctor.setpoint_rules import MEASUREMENT, SETPOINT
 
 DOCTOR = (
@@ -102,6 +102,23 @@ DOCTOR = (
         Category.SESSION,
         connecting.find_wrong_key,
         fix="Use the key of the vehicle, its parameter UXRCE_DDS_KEY, or leave out `--key`.",
+    ),
+    Rule(
+        "ZENOH_LIMITED",
+        "a vehicle on Zenoh has a firmware that tells too little, or samples that are not CDR",
+        Category.SESSION,
+        on_zenoh.find_limited,
+        fix="Update PX4 to v1.17 or later, and build it with CONFIG_ZENOH_RMW_LIVELINESS and "
+        "CONFIG_ZENOH_KEY_TYPE_HASH, and with PX4_UXRCE_DDS_NS if there are several vehicles. Or use its "
+        "uxrce_dds_client.",
+    ),
+    Rule(
+        "STACK_SMALL",
+        "programs send large messages over Zenoh, for which PX4's module has a stack that is too small",
+        Category.SESSION,
+        on_zenoh.find_small_stack,
+        fix="Use the uxrce_dds_client of the vehicle for flight modes, or build a firmware with the change of PX4 "
+        "28306.",
     ),
     Rule(
         "VEHICLE_RESTARTS",

@@ -6,7 +6,7 @@ import os
 import socket
 import struct
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from msggen.doctor.observation import OWNER, Process
 from msggen.link.address import Address
 
 _TABLES = ("/proc/net/udp", "/proc/net/udp6")
+_TCP = ("/proc/net/tcp", "/proc/net/tcp6")
 _MAPPED = bytes(10) + b"\xff\xff"
 """The start of an IPv4 address in IPv6."""
 
@@ -26,10 +27,10 @@ class Socket(NamedTuple):
     inode: int
 
 
-def sockets() -> list[Socket]:
-    """Return the UDP sockets of this computer."""
+def sockets(tables: Sequence[str] = _TABLES) -> list[Socket]:
+    """Return the sockets of this computer, those of UDP by default."""
     found: list[Socket] = []
-    for table in _TABLES if sys.platform == "linux" else ():
+    for table in tables if sys.platform == "linux" else ():
         with suppress(OSError), open(table, encoding="ascii") as file:
             found += parse_sockets(file.read())
     return found
@@ -55,12 +56,14 @@ def _place(text: str) -> tuple[str, int]:
 
 def owners_of(address: Address) -> tuple[Process, ...]:
     """Return the processes that have the port or the device of a link, as far as this user may know."""
-    return owners_of_device(address.path) if address.link_type.is_device else owners_of_port(address.port)
+    if address.link_type.is_device:
+        return owners_of_device(address.path)
+    return owners_of_port(address.port, _TCP if address.link_type.has_router else _TABLES)
 
 
-def owners_of_port(port: int) -> tuple[Process, ...]:
-    """Return the processes that have a UDP port, as far as this user may know."""
-    return owners(f"socket:[{each.inode}]" for each in sockets() if each.local[1] == port)
+def owners_of_port(port: int, tables: Sequence[str] = _TABLES) -> tuple[Process, ...]:
+    """Return the processes that have a port, one of UDP by default, as far as this user may know."""
+    return owners(f"socket:[{each.inode}]" for each in sockets(tables) if each.local[1] == port)
 
 
 def owners_of_device(path: str) -> tuple[Process, ...]:

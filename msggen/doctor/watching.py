@@ -94,6 +94,7 @@ def look_around(seen: Observation, address: Address, domain: int = 0) -> Observa
     if (
         link_type.is_device
         or link_type.is_socket
+        or link_type.has_router
         or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners))
     ):
         return seen  # another program of msggen answers as an agent does

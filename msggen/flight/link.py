@@ -16,9 +16,11 @@ from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.link.address import parse_address
 from msggen.link.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
-from msggen.messages.names import is_topic, stem_of, version_of
+from msggen.messages.names import is_named_after, is_topic, stem_of, version_of
 from msggen.messages.packages import packages_of
+from msggen.messages.zenoh_topics import SMALL_STACK
 from msggen.vehicle.alone import LOOK, Alone, SeveralError
+from msggen.vehicle.selection import NOT_ON_ZENOH
 
 if TYPE_CHECKING:
     from msggen.vehicle.subscription import Subscription
@@ -53,6 +55,8 @@ class LinkConnection:
         self._loop = asyncio.get_running_loop()
         self._is_lost = False
         self._subscriptions: dict[str, Subscription[Any]] = {}
+        self._is_by_type = False
+        """Whether the vehicle names uORB topics after messages."""
 
     def _choose(self, package: ModuleType) -> None:
         self.package, self._topics = package, Topics(package)
@@ -68,6 +72,9 @@ class LinkConnection:
         await self._known([*needs, *further])
         with _told():
             Alone(self._vehicle, _CHOICE).check()
+            self._is_by_type = bool(self._vehicle.remote.guid) and self._vehicle.firmware.release == "v1.17"
+            if self._vehicle.remote.guid:
+                LOGGER.warning("%s", SMALL_STACK)
         errors = []
         for package in self._packages:
             self._choose(package)
@@ -97,6 +104,7 @@ class LinkConnection:
             raise NoAnswerError(str(error)) from None
         differing, missing = set[str](), list[str]()
         for need in needs:
+            self._check_zenoh(need)
             endpoint = self._topics.endpoint(*need)
             stem = stem_of(endpoint.ros_name)
             found = [each for each in routes if is_topic(each.name, stem, remote.namespace)]
@@ -110,10 +118,23 @@ class LinkConnection:
                 f"{', '.join(sorted(differing))}: give the types of its release, Flight(url, types=...), or build them "
                 "from its firmware, msggen build --px4 PX4-Autopilot"
             )
+        if missing and remote.guid:
+            raise UnsupportedError(f"the vehicle does not have {', '.join(missing)} on Zenoh: {NOT_ON_ZENOH}")
         if missing:
             raise UnsupportedError(
                 f"the vehicle has {firmware}, and does not bridge {', '.join(missing)}: add this to dds_topics.yaml. "
                 "Flight modes need PX4 v1.15 or later"
+            )
+
+    def _check_zenoh(self, need: Need) -> None:
+        """Raise UnsupportedError for a topic that PX4's module `zenoh` of v1.17 gives to another topic in uORB."""
+        if not self._is_by_type:
+            return
+        name, message = need.topic, self._topics.endpoint(*need).message_name
+        if need.direction == "in" and not is_named_after(name, message):
+            raise UnsupportedError(
+                f"PX4 v1.17 publishes what arrives over Zenoh for '{name}' as the uORB topic of {message}: update the "
+                "firmware to v1.18, or use its uxrce_dds_client, such as udp://127.0.0.1:8888"
             )
 
     @property
@@ -125,7 +146,7 @@ class LinkConnection:
             return ""
         # programs that name the same port or device mean the same link, however they spell it
         place = os.path.realpath(address.path) if address.path else str(address.port)
-        return f"{address.scheme} {place} {address.domain} {remote.key} {remote.namespace}"
+        return f"{address.scheme} {place} {address.domain} {remote.key} {remote.namespace}{remote.guid}"
 
     @property
     def problem(self) -> str:
@@ -134,6 +155,7 @@ class LinkConnection:
 
     def publish(self, topic: str, message: Any) -> None:
         """See Connection. While the vehicle is not connected, messages are lost without an error."""
+        self._check_zenoh(Need("in", topic))
         try:
             self._vehicle.publish(message, self._topics.endpoint("in", topic))
         except (FormatError, TopicError) as error:

@@ -69,7 +69,7 @@ class Remote(NamedTuple):
     continued: bool
     """Whether the link continues a session that an earlier program began."""
     guid: str = ""
-    """The unique id of the board in hexadecimal digits, which only Zenoh tells."""
+    """The unique id of the board in hexadecimal digits, which only PX4's module `zenoh` tells."""
 
     @property
     def identity(self) -> tuple[int, str, str]:

@@ -29,3 +29,9 @@ ABSENT: Final = frozenset(
     }
 )
 """The names without namespace and version. All others of DDS are there, and no further ones."""
+
+SMALL_STACK: Final = (
+    "PX4's module zenoh has a stack that is too small for large messages to it, such as ArmingCheckReply of flight "
+    "modes (PX4 28306): try on the ground whether the vehicle survives a registration, or use its uxrce_dds_client"
+)
+"""What everybody should know who lets modes fly over Zenoh."""

@@ -54,6 +54,9 @@ class Alone:
         listed = ", ".join(shown(each) for each in found)
         twins = "Set the parameter UXRCE_DDS_KEY of each to another number"
         cure = self._choice.format(key=found[0].key) if count > 1 else twins
+        if found[0].guid:
+            name = next((each.namespace for each in found if each.namespace), "")
+            cure = f"Name its namespace, such as '{name}'" if name else "Build each with a namespace, PX4_UXRCE_DDS_NS"
         raise SeveralError(f"{len(found)} vehicles are on {self._vehicle.url}: {listed}. {cure}")
 
     def _found(self) -> list[Remote]:

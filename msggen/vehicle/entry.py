@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from msggen.link.link import FormatError, Kept, Link, Remote, Route, Service
@@ -17,6 +18,10 @@ from msggen.vehicle.watch import Watch
 
 PERIOD_NS: Final = 1_000_000_000
 """The time between two looks for samples to remember."""
+_STAMP: Final = struct.Struct("<4xQ")
+"""The header of a sample, and its `timestamp`."""
+_YEARS_NS: Final = 10**18
+"""A time since 1970: a vehicle that has started before it has no times since boot."""
 _RARE_NS: Final = 3_000_000_000
 """The time without a further sample after which a sample is remembered. What PX4 repeats, it repeats every 1 s."""
 
@@ -52,6 +57,22 @@ class Memory:
         return before is not None or now - sample[1] >= _RARE_NS
 
 
+class _Boot:
+    """When a vehicle has started, by the `timestamp` of its samples: their first field, in us."""
+
+    def __init__(self) -> None:
+        self.looked_ns = self.found_ns = 0
+
+    def look(self, last: Sequence[Kept], now: int) -> None:
+        """Take the last samples. Those that arrive soonest after they were made tell it best."""
+        recent = [each for each in last if 0 <= now - each[1] < _RARE_NS and len(each[0]) >= _STAMP.size]
+        starts = [time - _STAMP.unpack_from(payload)[0] * 1000 for payload, time in recent]
+        since_boot = [start for start in starts if start > _YEARS_NS]
+        if starts:
+            self.looked_ns = now
+            self.found_ns = min(since_boot) if len(since_boot) * 2 > len(starts) else 0
+
+
 SETTLED_S = 1.0
 """A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
 
@@ -85,12 +106,20 @@ class Entry:
         )
         self.calls = Calls(remote, link)
         self.lost = 0
+        self._boot = _Boot()
 
     @property
     def is_ready(self) -> bool:
         """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
         is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
         return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
+
+    def boot_ns(self, now: int) -> int:
+        """Return when the vehicle has started, in ns since 1970, 0 if its samples do not have times since boot."""
+        if not 0 <= now - self._boot.looked_ns < PERIOD_NS:
+            last = [sample for name, sample in tuple(self.last.items()) if self._is_out(name)]
+            self._boot.look(last, now)
+        return self._boot.found_ns
 
     def has(self, topic: NamedTopic, route: Route) -> bool:
         """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
@@ -112,7 +141,10 @@ class Entry:
         if not link.is_shared:
             return self.last.get(route.name)
         found = link.last(self.remote, route)
-        return (found.payload, found.time) if found is not None else None
+        if found is None:
+            return None
+        self.last.setdefault(route.name, (found.payload, found.time))
+        return found.payload, found.time
 
     def decoding(self, feed: Feed, route: Route, packages: Packages) -> Decoding | None:
         """Return how the samples of a route become messages of a subscription. None if they do not: it fails then."""

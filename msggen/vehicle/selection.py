@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from msggen.link.link import Remote
 
@@ -49,8 +49,20 @@ def shown(remote: Remote) -> str:
     return str(remote)
 
 
+NOT_ON_ZENOH: Final = (
+    "it is not in the list of its module zenoh: add it to zenoh/pub.csv or sub.csv on its card, and restart it, or use "
+    "its uxrce_dds_client, such as udp://127.0.0.1:8888"
+)
+"""Why a vehicle on Zenoh does not have a topic."""
+NO_SERVICES: Final = (
+    "PX4 has no services on Zenoh: publish VehicleCommand, and wait for VehicleCommandAck, as `msggen command` does"
+)
+
+
 def why_missing(remote: Remote, namespace: str | None) -> str:
     """Return why a vehicle does not have a topic in `namespace`, or in its own one if that is None."""
     if namespace in (None, remote.namespace):
+        if remote.guid:
+            return NOT_ON_ZENOH
         return "it is not in the dds_topics.yaml of its firmware"
     return f"its namespace is '{remote.namespace}'" if remote.namespace else "it has no namespace"

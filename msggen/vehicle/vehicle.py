@@ -37,11 +37,12 @@ from msggen.messages.packages import (
     packages_of,
     response_of,
 )
+from msggen.messages.zenoh_topics import ABSENT
 from msggen.vehicle.absence import PATIENCE, absence
 from msggen.vehicle.entry import Entry, Member
 from msggen.vehicle.feed import LOGGER, Feed, Options
 from msggen.vehicle.repeater import Repeater
-from msggen.vehicle.selection import Selection, shown, why_missing
+from msggen.vehicle.selection import NO_SERVICES, Selection, shown, why_missing
 from msggen.vehicle.sharing import join_hub, leave_hub, leave_soon, link_of, opened_at
 from msggen.vehicle.subscription import Subscription
 from msggen.vehicle.watch import Direction, Watch, Watcher
@@ -277,8 +278,12 @@ class Vehicle:
 
         It is UTC since 1970, because PX4 subtracts the offset that its time synchronization measured
         (docs/wire.md, section 14). A `timestamp` of 0 becomes the time of arrival, and so does a time in the future.
+
+        If the vehicle's samples have times since boot, as on Zenoh and with UXRCE_DDS_SYNCT 0, so has this one: it is
+        estimated from the samples of the topics that this program follows.
         """
-        return time.time_ns() // 1000
+        entry, now = self._member.entry, time.time_ns()
+        return (now - (entry.boot_ns(now) if entry is not None else 0)) // 1000
 
     # samples
 
@@ -470,9 +475,8 @@ class Vehicle:
         service = entry.services.get(type(request).__msg__.ros_type)
         if service is None:
             have = ", ".join(f"'{each.name}'" for each in tuple(entry.services.values())) or "no service"
-            raise TopicError(
-                f"{shown(entry.remote)} has no service '{service_name}': it has {have}; PX4 has one since v1.15"
-            )
+            why = NO_SERVICES if entry.remote.guid else f"it has {have}; PX4 has one since v1.15"
+            raise TopicError(f"{shown(entry.remote)} has no service '{service_name}': {why}")
         payload = entry.calls.call(service, request.encode(), timeout)
         return response.decode(payload)
 
@@ -536,6 +540,8 @@ class Vehicle:
         if not entry.is_ready:
             raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
         names = [stem_of(route.name) for route in tuple(entry.routes.values()) if route.direction == "in"]
-        near = suggestion(found.stem, names) if found.namespace in (None, entry.remote.namespace) else ""
+        is_own = found.namespace in (None, entry.remote.namespace)
+        is_absent = bool(entry.remote.guid) and found.stem in ABSENT
+        near = suggestion(found.stem, names) if is_own and not is_absent else ""
         why = near or f": {why_missing(entry.remote, found.namespace)}"
         raise TopicError(f"{shown(entry.remote)} does not read '{found.name}'{why}")

@@ -21,9 +21,9 @@ from msggen.sim import Options, Simulator
 from support.imports import forget
 from support.link_records import Records
 from support.ports import free_port
-from support.zenoh_space import COMMAND, GUID, STATUS, definition, token_of
+from support.zenoh_space import COMMAND, GUID, STATUS, definition, session, token_of
 
-zenoh = pytest.importorskip("zenoh")
+pytest.importorskip("zenoh")
 SHORT = Options(sync="off")
 
 
@@ -35,21 +35,6 @@ def linked(port: int, **options: Any) -> Iterator[tuple[ZenohLink, Records]]:
         yield link, records
     finally:
         link.close()
-
-
-@contextmanager
-def session(port: int, mode: str = "client") -> Iterator[Any]:
-    """Open a session of another program, which is a client of a router, or the router."""
-    made = zenoh.Config()
-    place = "connect" if mode == "client" else "listen"
-    for key, value in (
-        ("mode", f'"{mode}"'),
-        (f"{place}/endpoints", f'["tcp/127.0.0.1:{port}"]'),
-        ("scouting/multicast/enabled", "false"),
-    ):
-        made.insert_json5(key, value)
-    with zenoh.open(made) as opened:
-        yield opened
 
 
 def route(records: Records, name: str) -> Route:

@@ -29,6 +29,8 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
             "an agent has the vehicle", "an agent with a simulated vehicle", "PORT_TAKEN", "AGENT_HAS_CLIENT"
         ),
         "idle": _fault("an agent has no vehicle", "an agent", "PORT_TAKEN", "AGENT_WITHOUT_CLIENT"),
+        "old on Zenoh": _fault("a vehicle on Zenoh has v1.16", "a sample in its form", "ZENOH_LIMITED"),
+        "checks on Zenoh": _fault("a program answers checks over Zenoh", "an ArmingCheckReply", "STACK_SMALL"),
         "no agent": _fault("no agent is behind a tap", "a tap", "AGENT_MISSING", "NO_CLIENT"),
         "nothing": _fault("nothing arrives", "an open port", "NO_CLIENT"),
         "elsewhere": _fault("a vehicle sends to another port", "`msggen sim` with another address", "CLIENT_ELSEWHERE"),

@@ -22,7 +22,10 @@ from msggen.cli.printing import number_of_bytes
 from msggen.cli.screen import Status
 from msggen.cli.values import Deferred, local_path, non_empty
 from msggen.cli.watching import watching
+from msggen.link.address import parse_address
 from msggen.link.link_types import CLIENTS, DEFAULT, ROUTER_PORT, usages
+from msggen.messages.names import stem_of
+from msggen.messages.zenoh_topics import ABSENT
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import find_sources
 
@@ -106,7 +109,7 @@ def _connected(options: argparse.Namespace, package: ModuleType, label: str, log
         with watching():
             if not options.quiet:
                 count = counted(options.count, "vehicle")
-                print(f"{label}: {_contents(package)}; {count} to {options.address}", flush=True)
+                print(f"{label}: {_contents(package, options.address)}; {count} to {options.address}", flush=True)
             _run(simulator, options)
     finally:
         seconds = (simulator.now - simulator.boot) / 1e6
@@ -279,8 +282,10 @@ def _check_parameters(options: argparse.Namespace, package: ModuleType) -> None:
         options.parser.error(f"argument --param: {error}")
 
 
-def _contents(package: ModuleType) -> str:
-    directions = [endpoint.direction for endpoint in topics_of(package).ENDPOINTS]
+def _contents(package: ModuleType, address: str) -> str:
+    is_on_zenoh = parse_address(address).link_type.has_router
+    found = [each for each in topics_of(package).ENDPOINTS if not (is_on_zenoh and stem_of(each.ros_name) in ABSENT)]
+    directions = [endpoint.direction for endpoint in found]
     return f"{directions.count('out')} topics out, {directions.count('in')} in"
 
 

@@ -26,7 +26,7 @@ from msggen.link.link import (
     StaleError,
     Warned,
 )
-from msggen.link.rmw_zenoh.definitions import Definition, definition_of
+from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of, release_of
 from msggen.link.rmw_zenoh.names import NO_HASH, Key, Token, parse_attachment, parse_key, parse_token, place_in
 
 SILENCE_NS: Final = 5_000_000_000
@@ -81,6 +81,9 @@ class _Vehicle:
         self.remote: Remote | None = None
         self.routes: dict[str, _Open] = {}
         """By name: a stranger can tell a second one with another hash, which is not opened."""
+        self.by_key: dict[str, Route] = {}
+        """The same by the texts of keys, for samples."""
+        self.release = NEWEST
         self.since = self.heard = now
         self.has_samples = False
         self.sequences: dict[Route, int] = {}
@@ -96,7 +99,7 @@ class _Flow(NamedTuple):
     """Where the samples of a key with a gid belong."""
 
     vehicle: _Vehicle
-    route: Route
+    key: Key
     end: int
     """The bytes of a sample with its header, what is behind them is left out; 0 if that is not known."""
 
@@ -146,7 +149,7 @@ class Vehicles:
             if len(self._flows) >= MAX_KEYS:
                 self._flows.clear()
             self._flows[key, gid] = flow
-        vehicle, route, end = flow
+        vehicle, parsed, end = flow
         vehicle.heard = now
         vehicle.has_samples = True
         if vehicle.remote is None:
@@ -154,8 +157,8 @@ class Vehicles:
         remote = vehicle.remote
         if remote is None:
             return
-        known = vehicle.routes.get(route.name) or self._open(vehicle, route, parse_key(key))
-        if known is None or known.route != route:
+        route = vehicle.by_key.get(key) or self._open(vehicle, parsed)
+        if route is None:
             self.refused["samples of another definition than that of the topic"] += 1
             return
         told = parse_attachment(attachment)
@@ -231,7 +234,7 @@ class Vehicles:
         if is_new and vehicle.remote is not None and len(vehicle.sessions) > 1:
             self._disconnect(vehicle, "it has begun another session")
         if vehicle.remote is not None:
-            self._open(vehicle, _route_of(key), key)
+            self._open(vehicle, key)
         elif vehicle.publishes and (is_new or _is_out(key)):
             vehicle.heard = now
             self._connect(vehicle, now)
@@ -256,32 +259,35 @@ class Vehicles:
         self._count += 1
         identity = vehicle.identity
         found = _PX4.fullmatch(identity.node)
-        guid = found[1] if found else identity.node
-        remote = vehicle.remote = Remote(self._count, guid, 0, identity.namespace, continued=False, guid=guid)
+        guid = found[1] if found else ""
+        address = guid or identity.node
+        remote = vehicle.remote = Remote(self._count, address, 0, identity.namespace, continued=False, guid=guid)
         self._by_remote[remote.number] = vehicle
         vehicle.since = now
         vehicle.backwards = 0
         self._told(Connected(remote))
         newest = next(reversed(vehicle.sessions.values()), {})
+        vehicle.release = release_of((key.type_hash, _message(key)) for key in newest.values())
         for key in newest.values():
-            self._open(vehicle, _route_of(key), key)
+            self._open(vehicle, key)
 
-    def _open(self, vehicle: _Vehicle, route: Route, key: Key | None) -> _Open | None:
+    def _open(self, vehicle: _Vehicle, key: Key) -> Route | None:
         """Open a route, and return it. None if there is one of its name already, or too many."""
-        routes = vehicle.routes
-        if key is None or vehicle.remote is None or route.name in routes or len(routes) >= MAX_ENDPOINTS:
+        route, routes = _route_of(key, vehicle.release), vehicle.routes
+        if vehicle.remote is None or route.name in routes or len(routes) >= MAX_ENDPOINTS:
             return None
-        found = _Open(route, key, str(key))
-        vehicle.routes = {**routes, route.name: found}  # other threads read it
+        text = str(key)
+        vehicle.routes = {**routes, route.name: _Open(route, key, text)}  # other threads read it
+        vehicle.by_key[text] = route
         self._told(Opened(vehicle.remote, route))
-        return found
+        return route
 
     def _disconnect(self, vehicle: _Vehicle, reason: str) -> None:
         remote, vehicle.remote = vehicle.remote, None
         if remote is None:
             return
         del self._by_remote[remote.number]
-        vehicle.routes, vehicle.sequences = {}, {}
+        vehicle.routes, vehicle.by_key, vehicle.sequences = {}, {}, {}
         self._told(Disconnected(remote, reason))
 
     def _forget(self, vehicle: _Vehicle) -> None:
@@ -316,9 +322,8 @@ class Vehicles:
                 vehicle = self._vehicle_of(Identity(key.domain, place[0], node), now)
         if vehicle is None or not self._is_known(vehicle, now):
             return None
-        route = _route_of(key)
         found = definition_of(key.type_hash, _message(key))
-        return _Flow(vehicle, route, _HEADER + found.size if found else 0)
+        return _Flow(vehicle, key, _HEADER + found.size if found else 0)
 
     def _is_known(self, vehicle: _Vehicle, now: int) -> bool:
         """Whether a vehicle has tokens, or has had time enough to tell some."""
@@ -336,11 +341,7 @@ class Vehicles:
     def _refuse_key(self, text: str) -> None:
         if _OLD.fullmatch(text):
             self.refused["samples of PX4 before v1.17"] += 1
-            self._warn(
-                f"'{text}' is published in the form of PX4 v1.16, whose samples are not CDR: fields of 8 bytes lie at "
-                "multiples of 4: update the firmware to v1.17, or use its uxrce_dds_client, --link udp://",
-                "old",
-            )
+            self._warn(old_form(text), "old")
         else:
             self.refused["samples whose key is not of the form"] += 1
 
@@ -377,10 +378,23 @@ def _message(key: Key) -> str:
     return key.ros_type.rpartition("/")[2]
 
 
-def _route_of(key: Key) -> Route:
+def _route_of(key: Key, release: int) -> Route:
     """Return the route of a key: with the version in its name, if the hash tells it."""
-    found: Definition | None = definition_of(key.type_hash, _message(key))
-    name = found.named(key.name) if found else key.name
+    found = definition_of(key.type_hash, _message(key))
+    name = found.named(key.name, release) if found else key.name
     return Route(
-        name, key.ros_type, "out" if _is_out(key) else "in", -1, key.type_hash, found.message_hash if found else 0
+        name,
+        key.ros_type,
+        "out" if _is_out(key) else "in",
+        -1,
+        key.type_hash,
+        found.message_hash if found else 0,
+    )
+
+
+def old_form(key: str) -> str:
+    """Return the warning of a vehicle whose release cannot be read."""
+    return (
+        f"'{key}' is published in the form of PX4 v1.16, whose samples are not CDR: fields of 8 bytes lie at multiples "
+        "of 4: update the firmware to v1.17, or use its uxrce_dds_client, --link udp://"
     )

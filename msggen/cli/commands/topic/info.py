@@ -87,13 +87,16 @@ def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
         return
     yield from _facts_of_message(endpoint.message.__msg__, hashed)
     yield _Fact("uORB topic", endpoint.uorb_topic, {"uorb_topic": endpoint.uorb_topic})
-    yield _Fact("object id", str(endpoint.object_id), {"object_id": endpoint.object_id})
+    is_on_zenoh = route is not None and bool(route.type_hash)  # without ids and limits, and with a QoS of its own
+    number = None if is_on_zenoh else str(endpoint.object_id)
+    yield _Fact("object id", number, {"object_id": endpoint.object_id})
     rates = {name: getattr(endpoint, name) for name in ("rate_limit_hz", "publish_interval_ms")}
-    yield _Fact("rate limit", _limit(endpoint), rates)
+    yield _Fact("rate limit", "none on Zenoh" if is_on_zenoh else _limit(endpoint), rates)
     if endpoint.route_field:
         yield _Fact("instances", f"one for each value of '{endpoint.route_field}', up to {endpoint.max_instances}")
     both = f"PX4 {_qos(endpoint, of_px4=True)}; for others {_qos(endpoint, of_px4=False)}"
-    yield _Fact("QoS", both, {"qos": {name: _qos_object(getattr(endpoint.qos, name)) for name in ("writer", "reader")}})
+    qos = {name: _qos_object(getattr(endpoint.qos, name)) for name in ("writer", "reader")}
+    yield _Fact("QoS", None if is_on_zenoh else both, {"qos": qos})
     yield _Fact("in ROS 2", ros_command(topic))
 
 

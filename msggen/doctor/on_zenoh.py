@@ -1,0 +1,25 @@
+"""What a vehicle on Zenoh cannot do, or not safely."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.check.finding import Change
+from msggen.doctor.case import Case
+from msggen.messages.names import uorb_name
+from msggen.messages.zenoh_topics import SMALL_STACK
+
+_LARGE = "arming_check_reply"
+
+
+def find_limited(case: Case) -> Iterator[Change]:
+    """Find vehicles whose firmware tells too little, or whose samples are not CDR: the link warns of them."""
+    for text in case.seen.warnings if case.seen.link_type.has_router else ():
+        yield case.change(case.seen.link, text)
+
+
+def find_small_stack(case: Case) -> Iterator[Change]:
+    """Find programs that answer checks over Zenoh."""
+    for vehicle in case.vehicles if case.seen.link_type.has_router else ():
+        if vehicle.remote.guid and any(uorb_name(name) == _LARGE for name in vehicle.inputs):
+            yield case.of(vehicle, f"gets {_LARGE}: {SMALL_STACK}")
