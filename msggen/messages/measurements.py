@@ -60,7 +60,8 @@ class Gate(NamedTuple):
     def width(self, variance: float, of_estimate: float) -> float:
         """Return it in the unit of the part. A variance that is not finite counts as the least one."""
         least = self.least * self.least
-        return self.deviations * math.sqrt((max(least, variance) if math.isfinite(variance) else least) + of_estimate)
+        own = max(least, variance) if math.isfinite(variance) else least
+        return self.deviations * math.sqrt(own + max(0.0, of_estimate))
 
 
 GATES: Final[Mapping[Part, Gate]] = MappingProxyType(

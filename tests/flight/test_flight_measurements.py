@@ -622,6 +622,32 @@ def test_a_low_quality_can_be_the_reason() -> None:
     assert found.endswith("(velocity) is probably not set, or EKF2_EV_QMIN is above its `quality`, 0")
 
 
+ANY = st.floats(width=32)
+ESTIMATE = ("x", "y", "vx", "vy", "vz", "ax", "ay", "az", "heading", "heading_var", "eph", "evh", "evv")
+
+
+@given(
+    st.fixed_dictionaries(dict.fromkeys((*ESTIMATE, "ref_lat", "ref_lon"), ANY)),
+    st.tuples(ANY, ANY, ANY),
+    st.sets(st.sampled_from(["cs_gnss_pos", "cs_in_air", *(part.flag for part in PARTS)])),
+    st.integers(0, 4),
+)
+def test_no_estimate_breaks_the_reason(place: dict[str, Any], numbers: Any, flags: set[str], frame: int) -> None:
+    sent = {
+        "position": numbers,
+        "velocity": numbers,
+        "q": (1.0, 0.0, 0.0, 0.0),
+        "pose_frame": frame,
+        "velocity_frame": frame,
+        "lat": numbers[0],
+        "lon": numbers[1],
+        "eph": numbers[2],
+        **{f"{name}_variance": numbers for name in ("position", "velocity", "orientation")},
+    }
+    for part in PARTS:
+        assert isinstance(reason(part, sent, dict.fromkeys(flags, True), {**place, "xy_global": True}), str)
+
+
 # A flight without GPS
 
 
