@@ -48,6 +48,7 @@ NAMES = (
     "owners",
     "editors",
     "missions",
+    "findings",
 )
 """The campaigns, each a module of this package."""
 

@@ -146,6 +146,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
     "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),
     "editors": ("msggen.lsp.project.State.is_whole", lambda *_: True),
+    "findings": ("msggen.analysis.document.isfinite", lambda _: True),
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
