@@ -22,7 +22,7 @@ def findings_of(flight: Flight, rules: Sequence[FlightRule] = FLIGHT) -> Finding
     clear: list[FlightRule] = []
     for rule in rules:
         said = _said(rule, flight)
-        found += [_finding(rule, each) for each in said if isinstance(each, Seen)]
+        found += [_finding(rule, each, flight.duration) for each in said if isinstance(each, Seen)]
         silences += [Silence(rule, each.reason) for each in said if isinstance(each, Unsaid)]
         if not said:
             clear.append(rule)
@@ -50,8 +50,10 @@ def _either(paths: Sequence[str]) -> str:
     return " or ".join(paths) if len(paths) <= _SHOWN else f"{paths[0]} or one of {len(paths) - 1} others"
 
 
-def _finding(rule: FlightRule, seen: Seen) -> Finding:
-    return Finding(rule, seen.level or rule.severity.value, seen.text, seen.time, seen.end, seen.values)
+def _finding(rule: FlightRule, seen: Seen, duration: float) -> Finding:
+    """Return a finding. What was seen can begin before the recording, as a text, or end after it, as a dropout."""
+    time, end = (None if each is None else min(max(each, 0.0), duration) for each in (seen.time, seen.end))
+    return Finding(rule, seen.level or rule.severity.value, seen.text, time, end, seen.values)
 
 
 def _rank(finding: Finding) -> tuple[int, float]:

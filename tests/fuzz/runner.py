@@ -51,6 +51,7 @@ NAMES = (
     "missions",
     "zenoh",
     "motions",
+    "findings",
 )
 """The campaigns, each a module of this package."""
 

@@ -147,6 +147,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),
     "mcp": ("msggen.mcp.places.Places._is_inside", lambda *_: True),
     "editors": ("msggen.lsp.project.State.is_whole", lambda *_: True),
+    "findings": ("msggen.analysis.document.isfinite", lambda _: True),
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
     "zenoh": ("msggen.link.rmw_zenoh.vehicles.MAX_VEHICLES", 1 << 30),
     "motions": ("msggen.analysis.response._usable", lambda column: column),

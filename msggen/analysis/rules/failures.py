@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 MOST_FAILSAFES = 5
 """The failsafes that are findings of their own."""
 _FLAGS, _WARNING = "failsafe_flags", "battery_warning"
+_MOST_FLAGS = 200
+"""The flags that are looked at: PX4 has some 30."""
 _BEFORE, _AFTER, _NEAR = 10.0, 0.5, 1.0
 """The time in s before and after the begin of a failsafe in which its cause rises, and in which PX4 tells it."""
 _LEVELS = "emergency", "alert", "critical", "error", "warning"
@@ -48,7 +50,7 @@ def _failsafes(flight: Flight) -> Iterator[Seen]:
 
 def _causes(flight: Flight, begin: float) -> list[str]:
     """Return the flags of `failsafe_flags` that rose when a failsafe began, or before it."""
-    names = [*flight.recorded.flags(_FLAGS), _WARNING]
+    names = [*flight.recorded.flags(_FLAGS)[:_MOST_FLAGS], _WARNING]
     columns = {name: column for name in names if (column := flight.recorded.column(_FLAGS, name))}
     return [
         name for name, column in columns.items() if column.value_at(begin + _AFTER) > column.value_at(begin - _BEFORE)
@@ -78,7 +80,7 @@ def _killed(flight: Flight) -> Iterator[Seen]:
 
 def _failures(flight: Flight) -> Iterator[Seen]:
     recorded, found = flight.recorded, {}
-    for flag in recorded.flags("failure_detector_status"):
+    for flag in recorded.flags("failure_detector_status")[:_MOST_FLAGS]:
         stretch = flight.above(recorded.column("failure_detector_status", flag), 0.0)
         if stretch is not None and stretch.seconds > 0:
             found[flag] = stretch
