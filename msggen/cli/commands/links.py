@@ -164,13 +164,13 @@ def _place_to_stop(options: argparse.Namespace) -> Place:
         raise input_error(str(wanted.address), "L102", f"no process owns it{_others(found)}", 0)
     if len(found) == 1:
         return found[0].place
-    raise input_error("msggen link stop", "L102", f"expected the address of a link{_others(found)}", 0)
+    raise input_error("msggen link stop", "L102", f"expected the address of a link{_others(found)}" if found else "no link is owned", 0)
 
 
 def _others(found: list[Running]) -> str:
     """Return which links are owned, for an error."""
     owned = few([str(each.state.get("address", each.place.name)) for each in found])
-    return f": {owned} {'are' if len(found) > 1 else 'is'} owned" if found else ": no link is owned"
+    return f": {owned} {'are' if len(found) > 1 else 'is'} owned" if found else ", and no other link is owned"
 
 
 def _age(seconds: float) -> str:
