@@ -5,12 +5,11 @@ They are sent as commands of a user or of an executor.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Mapping
 from contextlib import suppress
 from logging import getLogger
-from typing import Any, Final
+from typing import Any
 
 from msggen.flight.commands import Commands
 from msggen.flight.elsewhere import Hinted
@@ -18,8 +17,8 @@ from msggen.flight.errors import FlightError, LimitError, NotReachedError, Unsup
 from msggen.flight.feeds import Condition, Feeds, first
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, OnEarth, local_place, sea_level
+from msggen.flight.planes import circling, until_disarmed
 from msggen.flight.setpoints import finite, in_range
-from msggen.flight.space import wrapped
 from msggen.flight.states import described, is_armed, is_disarmed, is_on_wings, is_plane, is_rover, name_of
 from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
 from msggen.flight.usage import ON_EARTH, explained
@@ -41,12 +40,6 @@ _STANDS = 0.1
 """The speed in m/s below which a rover stands."""
 _BRAKED = 20.0
 """The time in s within which a rover stands that brakes."""
-_CIRCLES = 2 * math.tau
-"""The turns in rad after which a plane that returns counts as circling over home."""
-_STANDING: Final = frozenset({HOLD, LAND, RETURN, *EXTERNAL})
-"""The modes in which PX4 does not take off."""
-_FORGOTTEN = 10.0
-"""The time in s after which a plane that stands counts as forgotten: COM_DISARM_PRFLT of other vehicles."""
 _MOST_ACTUATORS = 6
 UNDER_WAY = 1.5
 """The time in s for which a command that was sent can still take effect."""
@@ -169,32 +162,14 @@ class Actions(Hinted):
     async def return_home(self) -> None:
         """Fly to the home position and land. The call ends when the vehicle has landed.
 
-        A plane circles there, unless PX4 has a place to land it or RTL_LAND_DELAY lets it land: the call also ends
-        after two circles at one height, and `land` lands it.
+        A plane can circle there, as RTL_LAND_DELAY says: the call also ends after two circles at one height.
 
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
         await self._check_armed("return")
         await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
         landed = self._landed(RETURN, "the return")
-        await (first(landed, self._circling()) if self._is(is_plane) else landed)
-
-    async def _circling(self) -> None:
-        """Wait until the vehicle has flown two circles at one height."""
-        turned, height, last = 0.0, math.inf, 0.0
-
-        def is_circling(here: Any) -> bool:
-            nonlocal turned, height, last
-            course = math.atan2(here.vy, here.vx)
-            if abs(here.z - height) > _ON_WINGS[1]:
-                turned, height = 0.0, here.z
-            else:
-                turned += wrapped(course - last)
-            last = course
-            return abs(turned) > _CIRCLES
-
-        await self._feeds["vehicle_local_position"].following(is_circling)
-        LOGGER.warning("the return has ended in a circle, and PX4 does not land the plane: `await flight.land()` does")
+        await (first(landed, circling(self._feeds)) if self._is(is_plane) else landed)
 
     async def _standing(self) -> None:
         """Wait until a rover stands. Raises NotReachedError."""
@@ -358,26 +333,9 @@ class Actions(Hinted):
     async def wait_disarmed(self) -> None:
         """Wait until the vehicle is disarmed. Raises NoAnswerError if it is not heard for 10 s.
 
-        Raises FlightError if a plane stands for 10 s in a mode that does not take off, such as Hold, and has not flown:
-        PX4 does not disarm it then, as it does other vehicles (COM_DISARM_PRFLT).
+        Raises FlightError if a plane stands for 10 s in a mode such as Hold, and has not flown: PX4 never disarms it.
         """
-        clock = asyncio.get_running_loop().time
-        since = math.inf
-
-        def is_over(status: Any) -> bool:
-            nonlocal since
-            if is_disarmed(status):
-                return True
-            stands = is_plane(status) and not status.takeoff_time and status.nav_state in _STANDING
-            since = min(since, clock()) if stands else math.inf
-            if clock() - since > _FORGOTTEN:
-                raise FlightError(
-                    "the plane has not taken off, and PX4 disarms it only after a flight: `await flight.takeoff(30.0)` "
-                    "before, or `await flight.disarm()`"
-                )
-            return False
-
-        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(is_over))
+        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(until_disarmed()))
 
     async def wait_for_status(self, condition: Condition, seconds: float) -> None:
         """Wait until a VehicleStatus meets a condition. Raises TimeoutError."""

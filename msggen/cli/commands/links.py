@@ -164,7 +164,12 @@ def _place_to_stop(options: argparse.Namespace) -> Place:
         raise input_error(str(wanted.address), "L102", f"no process owns it{_others(found)}", 0)
     if len(found) == 1:
         return found[0].place
-    raise input_error("msggen link stop", "L102", f"expected the address of a link{_others(found)}" if found else "no link is owned", 0)
+    raise input_error(
+        "msggen link stop",
+        "L102",
+        f"expected the address of a link{_others(found)}" if found else "no link is owned",
+        0,
+    )
 
 
 def _others(found: list[Running]) -> str:

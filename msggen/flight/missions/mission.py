@@ -15,7 +15,7 @@ from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import first
-from msggen.flight.missions.built_in import BUILT_IN, LANDINGS, TAKEOFF
+from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
@@ -24,6 +24,7 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode
+from msggen.flight.missions.lifting import is_built_in, takeoff_problems
 from msggen.flight.missions.plan import (
     CHANGE,
     ON_FAILURE,
@@ -31,7 +32,6 @@ from msggen.flight.missions.plan import (
     RESERVED,
     RESUMING,
     ActionItem,
-    Item,
     Plan,
     Settings,
     Waypoint,
@@ -192,37 +192,8 @@ class Mission(Executor):
             if isinstance(item, ActionItem):
                 found += self._table[item.name].problems(item.document)
         found += self._mode.unfit(each.horizontal_velocity for each in self._settings())
-        return tuple(dict.fromkeys([*found, *self._lifting(), *self._mode.beyond(self._places())]))
-
-    def _lifting(self) -> Iterator[str]:
-        """Yield what is wrong with the takeoffs of the mission, from the current item on."""
-        if self._mode.is_driving:
-            for index, item in enumerate(self._plan.items):
-                if self._is_built_in(item, TAKEOFF):
-                    yield f"item {index} is a takeoff, which a rover does not do: leave it out"
-            return
-        start = self._progress.index or 0
-        is_on_ground = self._mode.is_on_ground and not self._lifts_again(start)
-        for index, item in enumerate(self._plan.items[start:], start):
-            if isinstance(item, Waypoint) and is_on_ground:
-                yield f"item {index} is a waypoint, and the vehicle is on the ground then: put a takeoff before it"
-                return
-            if self._is_built_in(item, *LANDINGS):
-                is_on_ground = True
-            elif self._is_built_in(item, TAKEOFF) or (isinstance(item, ActionItem) and item.name in self._given):
-                is_on_ground = False  # an action of the program can take off
-
-    def _lifts_again(self, start: int) -> bool:
-        """Whether `onResume` takes off before the mission goes on with an item."""
-        if not 0 < start < len(self._plan.items):
-            return False
-        has_takeoff = self._plan.last_action(TAKEOFF, start) is not None and ON_RESUME in self._table
-        is_over = self._is_built_in(self._plan.items[start], *LANDINGS)
-        return ON_RESUME in self._given or (has_takeoff and not is_over)
-
-    def _is_built_in(self, item: Item, *names: str) -> bool:
-        """Whether an item is one of some actions, and none of the program's."""
-        return isinstance(item, ActionItem) and item.name in names and item.name not in self._given
+        found += takeoff_problems(self._plan, self._given, self._progress.index or 0, self._mode)
+        return tuple(dict.fromkeys([*found, *self._mode.beyond(self._places())]))
 
     def _settings(self) -> Iterator[Settings]:
         """Yield what the mission sets as the limits of its flight."""
@@ -236,7 +207,7 @@ class Mission(Executor):
         for index, item in enumerate(self._plan.items):
             if isinstance(item, Waypoint):
                 yield index, item.place.latitude, item.place.longitude, item.place.altitude
-            elif self._is_built_in(item, TAKEOFF) and "altitude" in item.arguments:
+            elif is_built_in(item, self._given, TAKEOFF) and "altitude" in item.arguments:
                 yield index, math.nan, math.nan, item.arguments["altitude"]
 
     def _told_unready(self) -> tuple[str, ...]:
