@@ -11,7 +11,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from ipaddress import ip_address
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
@@ -80,6 +81,11 @@ class ZenohLink(Link):
             raise LinkError("a link can be started once: make another one")
         self._listener = guarded(listener)
         self._session = self._open()
+        if self.is_router and not (self._config or _is_loopback(self._place[0])):
+            self._listener.warned(
+                f"listening on {self._place[0]}:{self._place[1]}: Zenoh has no authentication here, so whoever can "
+                "connect to this port can pose as a vehicle; name a configuration with access control, config="
+            )
         self._thread = threading.Thread(target=self._run, args=(self._listener,), name="msggen-zenoh", daemon=True)
         self._thread.start()
 
@@ -210,3 +216,10 @@ class ZenohLink(Link):
         session, self._session = self._session, None
         if session is not None:
             session.close()
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether a host is this computer, for itself only."""
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return host == "localhost"
