@@ -36,6 +36,7 @@ GROUPS = {
             "docs/flight_tests",
             "docs/sim",
             "docs/links",
+            "docs/zenoh",
             "docs/connect",
             "docs/ros2",
         ),

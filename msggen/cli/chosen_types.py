@@ -209,10 +209,9 @@ def _versions(package: ModuleType, route: Route) -> Iterator[Endpoint[Message]]:
 
 def _fits(endpoint: Endpoint[Message], route: Route, known: int | None) -> bool:
     """Whether an endpoint has the definition of a route, whose hash is `known` if the vehicle has told it."""
-    from msggen.messages.names import version_of
+    from msggen.messages.packages import has_definition
 
-    info = endpoint.message.__msg__
-    return info.message_version == version_of(route.name) and known in (None, info.message_hash)
+    return has_definition(endpoint.message, route, known)
 
 
 def _warn(label: str, messages: Sequence[str], release: str) -> None:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from msggen.link.link import NotConnectedError
 from msggen.messages.firmware import releases
-from msggen.messages.names import version_of
-from msggen.messages.packages import classes_of
+from msggen.messages.packages import classes_of, has_definition
 
 if TYPE_CHECKING:
     from msggen.exports.writer import Channel
@@ -63,7 +62,7 @@ class Definitions:
         for package in self._packages(route, told):
             for cls in classes_of(package, route.name, route.ros_type):
                 info = cls.__msg__
-                if info.message_version == version_of(route.name) and told in (None, info.message_hash):
+                if has_definition(cls, route, told):
                     return Channel(route.name, route.ros_type, info.definition, info.type_hash)
         return Channel(route.name, route.ros_type, "", "")
 

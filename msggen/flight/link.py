@@ -16,8 +16,8 @@ from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.link.address import parse_address
 from msggen.link.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
-from msggen.messages.names import is_named_after, is_topic, stem_of, version_of
-from msggen.messages.packages import packages_of
+from msggen.messages.names import is_named_after, is_topic, stem_of
+from msggen.messages.packages import has_definition, packages_of
 from msggen.messages.zenoh_topics import SMALL_STACK
 from msggen.vehicle.alone import LOOK, Alone, SeveralError
 from msggen.vehicle.selection import NOT_ON_ZENOH
@@ -119,7 +119,7 @@ class LinkConnection:
                 "from its firmware, msggen build --px4 PX4-Autopilot"
             )
         if missing and remote.guid:
-            raise UnsupportedError(f"the vehicle does not have {', '.join(missing)} on Zenoh: {NOT_ON_ZENOH}")
+            raise UnsupportedError(f"the vehicle does not have {', '.join(sorted(missing))} on Zenoh: {NOT_ON_ZENOH}")
         if missing:
             raise UnsupportedError(
                 f"the vehicle has {firmware}, and does not bridge {', '.join(missing)}: add this to dds_topics.yaml. "
@@ -320,6 +320,4 @@ class _Inbox:
 
 def _differs(route: Route, cls: Any, hashes: Mapping[str, int]) -> bool:
     """Whether a vehicle has another definition of a message on a route, as far as it is known."""
-    info = cls.__msg__
-    own: int = info.message_hash
-    return version_of(route.name) != info.message_version or hashes.get(route.ros_type, own) != own
+    return not has_definition(cls, route, hashes.get(route.ros_type))

@@ -11,7 +11,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from ipaddress import ip_address
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
@@ -43,6 +44,8 @@ _TURN_S: Final = 0.2
 _MOST: Final = 20_000
 """The samples that wait for the thread of the link. Further ones are dropped, and counted."""
 _MOST_TOKENS: Final = 200_000
+_SETTLED_S: Final = 5.5
+"""The time after which a vehicle that was there when this program became the router has found it."""
 _ALONE_S: Final = 3.0
 """The time without a router after which a client tries to be the router."""
 
@@ -62,7 +65,7 @@ class ZenohLink(Link):
         self._listener: Listener | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
-        self._routed_at = 0.0
+        self._routed_at = self._opened_at = 0.0
         self._received = self._sent = self._unsent = self._dropped = 0
         self._lock = threading.Lock()
         """Guards the counters of what is published."""
@@ -80,6 +83,12 @@ class ZenohLink(Link):
             raise LinkError("a link can be started once: make another one")
         self._listener = guarded(listener)
         self._session = self._open()
+        self._opened_at = time.monotonic()
+        if self.is_router and not (self._config or _is_loopback(self._place[0])):
+            self._listener.warned(
+                f"listening on {self._place[0]}:{self._place[1]}: Zenoh has no authentication here, so whoever can "
+                "connect to this port can pose as a vehicle; name a configuration with access control, config="
+            )
         self._thread = threading.Thread(target=self._run, args=(self._listener,), name="msggen-zenoh", daemon=True)
         self._thread.start()
 
@@ -109,6 +118,10 @@ class ZenohLink(Link):
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:  # noqa: ARG002
         """Raise LinkError: PX4 has no services on Zenoh."""
         raise LinkError(f"PX4 has no service {service.name} on Zenoh: publish the command, and wait for its answer")
+
+    def is_settled(self) -> bool:
+        """Whether all vehicles have connected, as far as it is known. PX4 looks for a router every 5 s."""
+        return not self.is_router or time.monotonic() - self._opened_at > _SETTLED_S
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes of a connected vehicle."""
@@ -210,3 +223,10 @@ class ZenohLink(Link):
         session, self._session = self._session, None
         if session is not None:
             session.close()
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether a host is this computer, for itself only."""
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return host == "localhost"

@@ -275,6 +275,15 @@ def has_definition(cls: type[Message], route: Route, message_hash: int | None) -
     return info.message_version == version_of(route.name) and message_hash in (None, info.message_hash)
 
 
+def size_of(route: Route, packages: Packages) -> int | None:
+    """Return the bytes of a sample of a route whose size its link does not know, None if no package has it."""
+    for package in packages if route.has_surplus else ():
+        for cls in classes_of(package, route.name, route.ros_type):
+            if has_definition(cls, route, None):
+                return _HEADER + (cls.__msg__.cdr_size or 0)
+    return None
+
+
 def without_surplus(decoding: Decoding) -> Decoding:
     """Return a decoding that leaves out what follows the message in a sample."""
     size = _HEADER + (decoding.message.__msg__.cdr_size or 0)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from msggen.base.diagnostics import few, suggestion
 from msggen.link.link import Route, Service
 from msggen.messages.names import stem_of, version_of, without_namespace
-from msggen.messages.packages import Message, Packages
+from msggen.messages.packages import Message, Packages, has_definition
 from msggen.ros.standard import SOURCES
 from msggen.ros.types import Finder, differences, installed, nested_classes
 
@@ -151,12 +151,12 @@ class Topics(NamedTuple):
         others = []
         for _, endpoint in self.versions_of(route):
             info = endpoint.message.__msg__
+            if has_definition(endpoint.message, route, known):
+                found: type[Message] = endpoint.message
+                return found
             if info.message_version == version:
-                if known in (None, info.message_hash):
-                    found: type[Message] = endpoint.message
-                    return found
                 others.append(f"{info.message_hash:#010x}")
-        if others:
+        if others and known is not None:
             raise ValueError(f"the vehicle's definition has the hash {known:#010x}, and that of --types {others[0]}")
         raise ValueError("not in the definitions of --types")
 

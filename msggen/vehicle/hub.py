@@ -10,7 +10,7 @@ from logging import getLogger
 from msggen.base.diagnostics import counted
 from msggen.link.age import LATE
 from msggen.link.link import Link, Publisher, Remote, Route, Service, StaleError
-from msggen.messages.packages import Decoding, NamedTopic
+from msggen.messages.packages import Decoding, NamedTopic, size_of
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry, Member, Row
 from msggen.vehicle.feed import Feed, Item, check_outside_callback
@@ -279,7 +279,8 @@ class Hub:
                     decoding = entry.decoding(feed, route, member.packages)
                     if decoding is not None:
                         rows.append((feed.push, decoding))
-            rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
+            size = size_of(route, member.packages)
+            rows += [(watch.of(route, size), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
         entry.table = {**entry.table, route.name: tuple(rows)}
         if (route.name in entry.followed) != bool(rows):
             (entry.followed.add if rows else entry.followed.remove)(route.name)

@@ -60,9 +60,9 @@ QUEUE = 1000
 class Vehicle:
     """A vehicle on a link: `with Vehicle("udp://127.0.0.1:8888") as vehicle`.
 
-    `url` is `udp://HOST:PORT`, `serial:///dev/ttyUSB0?baud=921600`, `tap://HOST:PORT?agent=HOST:PORT` or `dds://DOMAIN`,
-    or a Link. Vehicles of one program with the same URL share the link. `udp://127.0.0.1:0` opens a free port, in this
-    program alone: the attribute `url` tells which.
+    `url` is `udp://HOST:PORT`, `serial:///dev/ttyUSB0?baud=921600`, `tap://HOST:PORT?agent=HOST:PORT`, `dds://DOMAIN`,
+    `zenoh://HOST:PORT`, or a Link. Vehicles of one program with the same URL share the link. `udp://127.0.0.1:0` opens
+    a free port, in this program alone: the attribute `url` tells which.
 
     `types` is a generated package, or several: the first one is preferred, and a topic whose definition is not that of
     the first one is decoded with the others. Without it, the package follows from the classes in `subscribe` and

@@ -35,11 +35,11 @@ class Watch:
         """Whether this watches the direction of a route."""
         return self._direction in {"both", route.direction}
 
-    def of(self, route: Route) -> Callable[[bytes, int, object], None]:
-        """Return a function that takes the samples of a route, in the thread of the link."""
+    def of(self, route: Route, size: int | None = None) -> Callable[[bytes, int, object], None]:
+        """Return a function that takes the samples of a route, in the thread of the link: their first `size` bytes."""
 
         def take(payload: bytes, time: int, _: object) -> None:
-            error = None if self.is_closed else run_callback(self._watcher, route, payload, time)
+            error = None if self.is_closed else run_callback(self._watcher, route, payload[:size], time)
             if error is not None:
                 self.errors += 1
                 tell_callback_error(error, self.errors, f"a watcher, for a sample of '{route.name}'")

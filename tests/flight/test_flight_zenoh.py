@@ -88,7 +88,12 @@ def test_a_flight_over_zenoh(px4_types: Any, caplog: pytest.LogCaptureFixture) -
     ("release", "limits", "part", "error"),
     [
         ("v1.18", Limits(distance=50.0), None, "does not have /fmu/out/home_position on Zenoh: .*zenoh/pub.csv"),
-        ("v1.18", Limits(), Glides, "fixed_wing_l.*_setpoint on Zenoh: .*zenoh/pub.csv or sub.csv.*uxrce_dds_client"),
+        (
+            "v1.18",
+            Limits(),
+            Glides,
+            "fixed_wing_lateral_setpoint, .* on Zenoh: .*zenoh/pub.csv or sub.csv.*uxrce_dds_client",
+        ),
         ("v1.17", Limits(), Hop, "v1.17 publishes what arrives over Zenoh for 'config_control_setpoints' as the uORB"),
     ],
 )

@@ -77,6 +77,10 @@ def test_definitions_of_another_firmware_follow_from_the_given_types(url: str, p
     with Simulator(ours, url, [CALM]) as simulator, Vehicle(url, (px4_types, ours), direct=True) as vehicle:
         status = vehicle.subscribe("vehicle_status").wait_for(lambda _: True, 20.0)
         assert (type(status), status.system_id) == (ours.VehicleStatus, 1)
+        sizes: set[int] = set()
+        with vehicle.watch(lambda route, payload, _: sizes.add(len(payload)) if "status_" not in route.name else None):
+            while 4 + ours.VehicleStatus.__msg__.cdr_size not in sizes:
+                time.sleep(0.01)
         with pytest.raises(FormatError, match=r"'/fmu/in/vehicle_command' with the hash RIHS01_.*: publish a message"):
             vehicle.publish(px4_types.VehicleCommand())
         vehicle.publish(ours.VehicleCommand(command=400, target_system=1))
