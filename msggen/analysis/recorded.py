@@ -122,6 +122,7 @@ class Recorded:
         self.topics = _of_vehicle(log, self.namespace, is_needed)
         chosen = [topic for instances in self.topics.values() for topic in instances.values()]
         self._loaded: Mapping[Any, Samples] = log.load(chosen) if chosen else {}
+        self._clocks: dict[tuple[str, int], NDArray[np.float64] | None] = {}
 
     def __contains__(self, name: str) -> bool:
         """Whether a topic has samples that were read."""
@@ -164,16 +165,18 @@ class Recorded:
 
         Without such times in the samples, or if they are not in order, they are those of the recording.
         """
+        if (name, instance) not in self._clocks:
+            self._clocks[name, instance] = self._clock(name, instance)
+        times = self._clocks[name, instance]
+        return column if times is None else column._replace(times=times[len(times) - len(column.times) :])
+
+    def _clock(self, name: str, instance: int) -> NDArray[np.float64] | None:
         samples = self.samples(name, instance)
-        if samples is None:
-            return column
-        seconds = self._seconds(samples)
-        stamps = [_values(samples.array, field) for field in ("timestamp_sample", "timestamp")]
+        stamps = [] if samples is None else [_values(samples.array, name) for name in ("timestamp_sample", "timestamp")]
         own = [each / 1e6 for each in stamps if each is not None and _is_clock(each)]
-        if not own:
-            return column
-        times = own[0] + float(np.percentile(seconds - own[-1], _LATENCY))
-        return column._replace(times=times[len(times) - len(column.times) :])
+        if samples is None or not own:
+            return None
+        return own[0] + float(np.percentile(self._seconds(samples) - own[-1], _LATENCY))
 
     def while_armed(self, name: str, field: str, instance: int = 0, valid: str = "") -> Column | None:
         """Return a field while the vehicle was armed, NaN where the flag `valid` is not set. None without a number."""

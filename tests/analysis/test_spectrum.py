@@ -46,6 +46,7 @@ class Made(Recorded):
         self.log: Any = _Log(parameters)
         self.topics: Any = {name: {0: None} for name in topics}
         self.duration = _SECONDS
+        self._clocks = {}
 
     def samples(self, name: str, instance: int = 0) -> Any:
         return None if instance else self._made.get(name)

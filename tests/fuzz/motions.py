@@ -24,6 +24,7 @@ from support.scratch import scratch_folder
 from support.written import write_recording
 
 COUNT = 120
+_TYPES: Any = importlib.import_module("px4_types")
 _ODD = (math.nan, math.inf, -math.inf, 1e30, -1e30, 1e-40, 0.0, 1e6)
 _FIFO = ("sensor_gyro_fifo", "SensorGyroFifo"), ("sensor_accel_fifo", "SensorAccelFifo")
 
@@ -62,7 +63,7 @@ def _samples(case: Case) -> Iterator[tuple[str, float, Any]]:
     px4_types: Any = importlib.import_module("px4_types")
     chance = Random(case.seed)  # noqa: S311 - no secret
     begin, length = case.gap
-    for name, time, message in messages_of(px4_types):
+    for name, time, message in messages_of(_TYPES):
         if time > case.seconds:
             break
         if begin <= time < begin + length:
@@ -84,7 +85,7 @@ def _samples(case: Case) -> Iterator[tuple[str, float, Any]]:
                 "samples": chance.randrange(256) if hostile else 8,
                 **{axis: tuple(chance.randrange(-32768, 32768) for _ in range(32)) for axis in "xyz"},
             }
-            yield f"/fmu/out/{name}", _time(case, step / 100), getattr(px4_types, kind)(**values)
+            yield f"/fmu/out/{name}", _time(case, step / 100), getattr(_TYPES, kind)(**values)
 
 
 def _time(case: Case, time: float) -> float:
