@@ -39,10 +39,11 @@ _OF_FIGURES = frozenset(
 
 
 Value: TypeAlias = "str | float | None"
+"""A text or a number. None: the flight does not have it."""
 
 
 class Difference(NamedTuple):
-    """A value of both flights. None: the flight does not have it."""
+    """A value of both flights."""
 
     name: str
     first: Value

@@ -20,8 +20,9 @@ def flights(tmp_path_factory: pytest.TempPathFactory, px4_types: Any) -> dict[st
     """A flight as a ULog and as an MCAP file; a rover, a recording of 0.2 s, and one without any sample."""
     folder = tmp_path_factory.mktemp("flights")
     status, local, rover = px4_types.VehicleStatus, px4_types.VehicleLocalPosition, px4_types.VehicleStatus
-    mark: list[tuple[str, float, Any]] = [
-        ("/fmu/out/vehicle_land_detected", step, px4_types.VehicleLandDetected(landed=step < 2)) for step in range(4)
+    mark = [
+        ("/fmu/out/vehicle_land_detected", float(step), px4_types.VehicleLandDetected(landed=step < 2))
+        for step in range(4)
     ]
     mark += [
         ("/fmu/out/vehicle_status", step / 5, rover(arming_state=2, vehicle_type=3, failsafe=step > 5))

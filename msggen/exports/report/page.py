@@ -254,7 +254,8 @@ def strip_of(name: str, timeline: Timeline, axis: Times) -> Strip:
     spans: dict[str, list[tuple[float, float]]] = {}
     for each in timeline.modes:
         spans.setdefault(each.name, []).append((each.begin, each.end))
-    modes = [Bar(mode, bars(found, axis.duration), timeline.colours[mode]) for mode, found in spans.items()]
+    colours = timeline.colours
+    modes = [Bar(mode, bars(found, axis.duration), colours[mode]) for mode, found in spans.items()]
     return Strip(name, modes, bars(timeline.failsafes, axis.duration))
 
 

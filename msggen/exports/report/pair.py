@@ -84,10 +84,9 @@ class Both(Shell):
     @property
     def told(self) -> Sequence[tuple[str, Sequence[Said]]]:
         """The findings of one flight, and those of both, each below a heading."""
-        found = self.comparison.findings
         groups = ("In one flight", True), ("In both flights", False)
         told = ((title, list(self._told(is_of_one=is_of_one))) for title, is_of_one in groups)
-        return [each for each in told if each[1]] if found else []
+        return [each for each in told if each[1]]
 
     def _told(self, *, is_of_one: bool) -> Iterator[Said]:
         moment = self.comparison.moment
@@ -155,12 +154,13 @@ def report_of_both(*logs: Log) -> str:
 
 def _shown(flights: tuple[Flight, Flight], moments: tuple[float, float]) -> Iterator[drawn.Shown]:
     """Yield what is drawn of each flight, with the times of the page; a flight mode has the same colour in both."""
-    names = list(dict.fromkeys(name for flight in flights for name in flight.timeline.colours))
+    names = dict.fromkeys(name for flight in flights for name in flight.timeline.colours)
+    colours = {name: place % COLOURS for place, name in enumerate(names)}
     tracks = _tracks(*flights)
     for side, flight, moment, track in zip(SIDES, flights, moments, tracks, strict=True):
         timeline = flight.timeline
         modes = [
-            each._replace(begin=each.begin - moment, end=each.end - moment, colour=names.index(each.name) % COLOURS)
+            each._replace(begin=each.begin - moment, end=each.end - moment, colour=colours[each.name])
             for each in timeline.modes
         ]
         failsafes = [(begin - moment, end - moment) for begin, end in timeline.failsafes]
