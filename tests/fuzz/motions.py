@@ -60,7 +60,6 @@ def case(chance: Random) -> Case:
 
 def _samples(case: Case) -> Iterator[tuple[str, float, Any]]:
     """Yield the samples, with what the case does to them."""
-    px4_types: Any = importlib.import_module("px4_types")
     chance = Random(case.seed)  # noqa: S311 - no secret
     begin, length = case.gap
     for name, time, message in messages_of(_TYPES):

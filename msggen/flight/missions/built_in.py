@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from logging import getLogger
 from types import MappingProxyType
 from typing import Final
 
 from msggen.flight.errors import FlightError
 from msggen.flight.missions.handler import Action, Arguments, Handler
-from msggen.flight.missions.plan import CHANGE, ON_FAILURE, ON_RESUME, RESET, ActionItem
+from msggen.flight.missions.plan import CHANGE, ON_FAILURE, ON_RESUME, RESET, ActionItem, Plan, Settings
 from msggen.messages.nav_states import DESCEND
 
 LOGGER = getLogger("msggen.flight")
@@ -104,3 +104,11 @@ BUILT_IN: Final[Mapping[str, Action]] = MappingProxyType(
         ON_FAILURE: _OnFailure(),
     }
 )
+
+
+def settings_of(plan: Plan, table: Mapping[str, Action]) -> Iterator[Settings]:
+    """Yield what a mission with these actions sets as the limits of its flight."""
+    yield plan.defaults
+    for item in plan.items:
+        if isinstance(item, ActionItem) and table[item.name] is BUILT_IN[CHANGE]:
+            yield Settings().merged(item.arguments)

@@ -15,7 +15,7 @@ from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import first
-from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF
+from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, settings_of
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
@@ -25,17 +25,7 @@ from msggen.flight.missions.handler import (
 )
 from msggen.flight.missions.legs import MissionMode
 from msggen.flight.missions.lifting import is_built_in, takeoff_problems
-from msggen.flight.missions.plan import (
-    CHANGE,
-    ON_FAILURE,
-    ON_RESUME,
-    RESERVED,
-    RESUMING,
-    ActionItem,
-    Plan,
-    Settings,
-    Waypoint,
-)
+from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.setpoints import check_seconds
@@ -191,16 +181,9 @@ class Mission(Executor):
         for item in self._plan.items:
             if isinstance(item, ActionItem):
                 found += self._table[item.name].problems(item.document)
-        found += self._mode.unfit(each.horizontal_velocity for each in self._settings())
+        found += self._mode.unfit(each.horizontal_velocity for each in settings_of(self._plan, self._table))
         found += takeoff_problems(self._plan, self._given, self._progress.index or 0, self._mode)
         return tuple(dict.fromkeys([*found, *self._mode.beyond(self._places())]))
-
-    def _settings(self) -> Iterator[Settings]:
-        """Yield what the mission sets as the limits of its flight."""
-        yield self._plan.defaults
-        for item in self._plan.items:
-            if isinstance(item, ActionItem) and self._table[item.name] is BUILT_IN[CHANGE]:
-                yield Settings().merged(item.arguments)
 
     def _places(self) -> Iterator[tuple[int, float, float, float]]:
         """Yield the places of items that are known before the flight."""
