@@ -34,8 +34,7 @@ _NEAR = 1.0
 """The distance in m within which a place by latitude and longitude is reached."""
 _SLOW = 0.5
 _ON_WINGS = 100.0, 10.0
-"""The distances in m, horizontally and vertically, within which an aircraft that circles around a place has reached it:
-NAV_LOITER_RAD, 80 m, with what it is off, and NAV_FW_ALT_RAD."""
+"""Within which an aircraft that circles a place has reached it, in m across and in height (NAV_FW_ALT_RAD)."""
 _STANDS = 0.1
 """The speed in m/s below which a rover stands."""
 _BRAKED = 20.0
@@ -173,9 +172,8 @@ class Actions(Hinted):
 
     async def _standing(self) -> None:
         """Wait until a rover stands. Raises NotReachedError."""
-        slow = self._feeds["vehicle_local_position"].following(
-            lambda each: math.hypot(each.vx, each.vy) < _STANDS, _BRAKED
-        )
+        local = self._feeds["vehicle_local_position"]
+        slow = local.following(lambda each: math.hypot(each.vx, each.vy) < _STANDS, _BRAKED)
         try:
             await self._feeds.within(self._modes_for(HOLD), slow, "the stop before the landing")
         except TimeoutError:
