@@ -28,6 +28,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from examined import findings_table, pool_table, write_flight_log
 from flight import COMPRESSIONS, Topic, beginning, flight, write_db3, write_mcap, write_ulog
 from msggen import recordings
 from msggen.recordings.files.compression import decompress_into
@@ -303,14 +304,19 @@ SAMPLES = {"generated, few samples": 5_000, "generated, some samples": 15_000, "
 """The generated logs of a vehicle, and the samples of all their topics."""
 
 
-def vehicle_tables(folder: str, given: list[str], rounds: int) -> Iterator[Table]:
-    """Measure reading of ULogs with many topics: generated ones and those that were given."""
+def vehicle_tables(folder: str, given: list[str], rounds: int, *, is_quick: bool) -> Iterator[Table]:
+    """Measure reading and findings of ULogs with many topics: generated ones and those that were given."""
     paths = {name: f"{folder}/{count}.ulg" for name, count in SAMPLES.items()}
     for name, path in paths.items():
         write_vehicle_log(path, SAMPLES[name])
     paths |= {Path(path).name: path for path in given}
     yield ulog_table(paths, ours, our_columns, pyulog, rounds)
     yield first_table(paths, 2 * rounds)
+    flown = f"{folder}/flight.ulg"
+    write_flight_log(flown)
+    yield findings_table({"simulated flight": flown, **paths}, rounds)
+    if not given:
+        yield pool_table(folder, flown, (10, 40) if is_quick else (100, 1000))
 
 
 def main() -> None:
@@ -321,7 +327,7 @@ def main() -> None:
     options = parser.parse_args()
     is_quick = options.quick
     with tempfile.TemporaryDirectory() as folder:
-        for table in vehicle_tables(folder, options.ulog, 3 if is_quick else 9):
+        for table in vehicle_tables(folder, options.ulog, 3 if is_quick else 9, is_quick=is_quick):
             table.print()
     if options.ulog:
         return

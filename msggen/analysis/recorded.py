@@ -118,6 +118,7 @@ class Recorded:
     def __init__(self, log: Log, is_needed: Callable[[str], bool]) -> None:
         self.log = log
         self.duration = max(log.duration, 0.0)
+        self._start = log.start  # once: it looks at all topics
         self.namespace, self.others = _vehicles(log.topics)
         self.topics = _of_vehicle(log, self.namespace, is_needed)
         chosen = [topic for instances in self.topics.values() for topic in instances.values()]
@@ -229,7 +230,7 @@ class Recorded:
         }
 
     def _seconds(self, samples: Samples) -> NDArray[np.float64]:
-        return (samples.log_times - self.log.start) / 1e9
+        return (samples.log_times - self._start) / 1e9
 
     @cached_property
     def armed(self) -> tuple[tuple[float, float], ...]:

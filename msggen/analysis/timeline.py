@@ -128,11 +128,11 @@ def _name(name: str) -> str:
 
 def _marks(recorded: Recorded) -> list[Mark]:
     """Return the texts and events that users read, in the order of time."""
-    log = recorded.log
+    log, start = recorded.log, recorded.log.start
     descriptions = {(each.time, each.text): each.description for each in log.events}
     return [
         Mark(
-            (text.time - log.start) / 1e9,
+            (text.time - start) / 1e9,
             text.level,
             text.text,
             descriptions.get((text.time, text.text), ""),
