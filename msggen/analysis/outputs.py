@@ -104,7 +104,8 @@ class Thrust(NamedTuple):
         told = " and ".join(f"{value:.2f} by {name}" for name, value in known if np.isfinite(value))
         if not told:
             return "neither an estimate of the hover thrust nor MPC_THR_HOVER is known"
-        return f"hovers with {told}; with more than {self.hover:.2f} for {self.share_above * 100:.0f} % of the flight"
+        above = f"more than {self.hover:.2f} for {self.share_above * 100:.0f} % of the flight"
+        return f"the vehicle hovers with {told}; {above}"
 
 
 class Innovation(NamedTuple):

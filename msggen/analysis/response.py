@@ -17,7 +17,6 @@ import numpy as np
 
 from msggen.analysis.recorded import Column, Recorded, angle_of
 from msggen.analysis.sampling import Spans, common, flown, runs, usual_interval
-from msggen.base.diagnostics import counted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -201,8 +200,8 @@ def response_of(loop: Loop, setpoint: Column, measured: Column, spans: Spans) ->
     if len(used) < _FEWEST_WINDOWS:
         return Response(
             loop,
-            f"too little excitation: the setpoint changed by up to {largest:.1f} {loop.unit} in {loop.window:.0f} s, "
-            f"by {loop.least:.0f} {loop.unit} or more in {counted(len(used), 'window')}, not in {_FEWEST_WINDOWS}",
+            f"too little excitation: the setpoint changed by up to {largest:.1f} {loop.unit} in {loop.window:.0f} s; "
+            f"{_FEWEST_WINDOWS} changes of {loop.least:.0f} {loop.unit} or more are needed, found {len(used)}",
             windows=len(used),
             excitation=largest,
         )

@@ -105,6 +105,44 @@ TOPICS = frozenset({*(name for sensor in SENSORS for name in sensor.names), "esc
 """The topics that spectra and their marks are from."""
 
 
+class _Samples(NamedTuple):
+    """Samples of a topic, each with its time."""
+
+    when: NDArray[np.float64]
+    columns: NDArray[np.float64]
+
+    def times(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return when samples were taken, in s."""
+        return self.when[places]
+
+    def values(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the values of samples, with the axes as the last dimension."""
+        return self.columns[places]
+
+
+class _Fifo(NamedTuple):
+    """Messages with up to 32 samples. Only those are unpacked that are asked for: there can be 8,000 in a second."""
+
+    rows: NDArray[Any]
+    last: NDArray[np.float64]
+    """When the last sample of each message was taken, in s."""
+    step: NDArray[np.float64]
+    factor: NDArray[np.float64]
+    ends: NDArray[np.intp]
+    """The places of the samples at which messages begin, and the end of the last one."""
+
+    def times(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return when samples were taken, in s."""
+        message = np.searchsorted(self.ends, places, side="right") - 1
+        return self.last[message] - (self.ends[message + 1] - 1 - places) * self.step[message]
+
+    def values(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the values of samples, with the axes as the last dimension."""
+        message = np.searchsorted(self.ends, places, side="right") - 1
+        inside = places - self.ends[message]
+        return np.stack([self.rows[axis][message, inside] * self.factor[message] for axis in "xyz"], axis=-1)
+
+
 class Motion(NamedTuple):
     """The samples of a sensor, at equal intervals within each run."""
 
@@ -113,12 +151,10 @@ class Motion(NamedTuple):
     """The topic: `sensor_gyro_fifo[1]`."""
     rate: float
     """In Hz."""
-    times: NDArray[np.float64]
-    """Of shape (n,), in s after the start of the recording."""
-    values: NDArray[np.float64]
-    """Of shape (n, 3), in the unit of the sensor."""
+    samples: _Samples | _Fifo
+    """In the unit of the sensor."""
     runs: list[tuple[int, int]]
-    """Where stretches without gaps begin and end."""
+    """The places of the samples at which stretches without gaps begin and end."""
 
 
 class Mark(NamedTuple):
@@ -234,11 +270,11 @@ def motion_of(
 def _within(motion: Motion, spans: Spans) -> Iterator[tuple[int, int]]:
     """Yield the parts of runs that are in some spans of time."""
     for begin, end in motion.runs:
-        times = motion.times[begin:end]
+        first = float(motion.samples.times(np.array([begin]))[0])
         for low, high in spans:
-            first, last = np.searchsorted(times, low), np.searchsorted(times, high, side="right")
-            if first < last:
-                yield begin + int(first), begin + int(last)
+            inner = [round(float(np.clip((time - first) * motion.rate, 0, end - begin))) for time in (low, high)]
+            if inner[0] < inner[1]:
+                yield begin + inner[0], begin + inner[1]
 
 
 def _path(name: str, instance: int) -> str:
@@ -255,7 +291,7 @@ def _from_topic(recorded: Recorded, sensor: Sensor, name: str, instance: int) ->
     spent = sum(float(times[end - 1] - times[begin]) for begin, end in found)
     rate = sum(end - begin - 1 for begin, end in found) / spent if spent > 0 else 0.0
     values = np.stack([column.values for column in columns], axis=1) * sensor.scale
-    return Motion(sensor, _path(name, instance), rate, times, values, found)
+    return Motion(sensor, _path(name, instance), rate, _Samples(times, values), found)
 
 
 def _from_fifo(recorded: Recorded, sensor: Sensor, instance: int) -> Motion | None:
@@ -268,7 +304,9 @@ def _from_fifo(recorded: Recorded, sensor: Sensor, instance: int) -> Motion | No
     rows = samples.array[len(samples.array) - len(last) :]
     step, count = rows["dt"] / 1e6, np.minimum(rows["samples"], rows["x"].shape[1]).astype(np.intp)
     usable = (step > 0) & (step < 1 / _SLOWEST) & (count > 0) & (np.abs(scale.values) < _LARGEST)
-    rows, step, count, last, factor = (each[usable] for each in (rows, step, count, last, scale.values * sensor.scale))
+    factor = scale.values * sensor.scale
+    if not usable.all():
+        rows, step, count, last, factor = (each[usable] for each in (rows, step, count, last, factor))
     if not len(rows):
         return None
     # A message follows the one before if it has as many samples as there was time for.
@@ -278,13 +316,9 @@ def _from_fifo(recorded: Recorded, sensor: Sensor, instance: int) -> Motion | No
     pairs = list(pairwise(bounds))
     spent = sum(float(last[end - 1] - last[begin]) for begin, end in pairs)
     rate = sum(int(count[begin + 1 : end].sum()) for begin, end in pairs) / spent if spent > 0 else 0.0
-    places = np.arange(rows["x"].shape[1])
-    mask = places < count[:, None]
-    times = (last[:, None] - (count[:, None] - 1 - places) * step[:, None])[mask]
-    values = np.stack([(rows[axis] * factor[:, None])[mask] for axis in "xyz"], axis=1)
     ends = np.append(0, np.cumsum(count))
     found = [(int(ends[begin]), int(ends[end])) for begin, end in pairs]
-    return Motion(sensor, _path(sensor.fifo, instance), rate, times, values, found)
+    return Motion(sensor, _path(sensor.fifo, instance), rate, _Fifo(rows, last, step, factor, ends), found)
 
 
 class Windows(NamedTuple):
@@ -310,12 +344,12 @@ def windows_of(motion: Motion) -> Windows | Unsaid:
     scale[[0, -1]] /= 2
     begins, found = [], []
     for chosen in np.split(starts, range(_AT_ONCE, len(starts), _AT_ONCE)):
-        values = motion.values[chosen[:, None] + np.arange(length)]
+        values = motion.samples.values(chosen[:, None] + np.arange(length))
         is_usable = (np.abs(values) < _LARGEST).all(axis=(1, 2))
         values = values[is_usable]
         values -= values.mean(axis=1, keepdims=True)
         powers = np.abs(np.fft.rfft(values * taper[:, None], axis=1)) ** 2 * scale[:, None]
-        begins.append(motion.times[chosen[is_usable]])
+        begins.append(motion.samples.times(chosen[is_usable]))
         found.append(powers.transpose(0, 2, 1))
     density = np.concatenate(found)
     if not len(density):

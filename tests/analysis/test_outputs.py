@@ -68,7 +68,7 @@ def test_thrust_is_told_against_the_estimate_in_flight(tmp_path: Path, px4_types
     assert found.hover == pytest.approx(0.4)
     assert found.share_above == pytest.approx(0.2, abs=0.01)
     assert math.isnan(found.parameter)
-    assert found.text == "hovers with 0.40 by the estimate; with more than 0.40 for 20 % of the flight"
+    assert found.text == "the vehicle hovers with 0.40 by the estimate; more than 0.40 for 20 % of the flight"
 
 
 def test_gates_are_those_of_the_test_ratios(tmp_path: Path, px4_types: Any) -> None:
