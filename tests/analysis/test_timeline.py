@@ -10,6 +10,7 @@ import pytest
 from msggen import recordings
 from msggen.analysis.flight import flight_of
 from msggen.analysis.timeline import timeline_of
+from support import flight_captures
 from support.written import write_recording
 
 EXTERNAL1, EXTERNAL2 = 23, 24
@@ -63,3 +64,28 @@ def test_a_slot_that_two_modes_used_has_both_names(tmp_path: Path, px4_types: An
     found = modes_of(written(tmp_path / "both.mcap", px4_types, modes, replies))
     assert [name for name, _ in found] == ["Hold", "Circle", "Hold", "Square", "Hold"]
     assert [begin for _, begin in found] == pytest.approx([0, 1, 2, 3, 4])
+
+
+@pytest.mark.parametrize(
+    ("flight", "expected"),
+    [
+        ("session", ["Hold", "Python Goto", "Takeoff", "Land"]),
+        ("replace-rtl", ["Hold", "Takeoff", "My RTL", "Return"]),
+        ("register-armed", ["Hold", "Python", "Takeoff", "Return", "Second"]),
+        ("killed-goto-0", ["Hold", "Takeoff", "External 1", "Return"]),  # registered before the capture
+    ],
+)
+def test_modes_that_a_real_px4_registered_have_their_names(
+    flight: str, expected: list[str], tmp_path: Path, px4_types: Any
+) -> None:
+    classes = {
+        "/fmu/out/vehicle_status_v4": px4_types.VehicleStatus,
+        "/fmu/out/register_ext_component_reply_v1": px4_types.RegisterExtComponentReply,
+    }
+    samples = [
+        (topic, time, classes[topic].decode(bytes.fromhex(data)))
+        for time, topic, data in flight_captures.load(flight).rows
+        if topic in classes
+    ]
+    found = modes_of(write_recording(tmp_path / "flight.mcap", samples))
+    assert list(dict.fromkeys(name for name, _ in found)) == expected

@@ -11,14 +11,13 @@ import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.cli import main
-from support.report_flights import write_mcap, write_ulog
+from support.report_flights import write_mcap, write_other, write_ulog
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, px4_types: Any) -> Path:
     made = tmp_path_factory.mktemp("flights")
-    write_ulog(made / "a.ulg", px4_types)
-    write_ulog(made / "b.ulg", px4_types, {"ver_hw": "PX4_FMU_V5", "parameter": "MPC_OTHER"})
+    write_other(made / "b.ulg", write_ulog(made / "a.ulg", px4_types))
     write_mcap(made / "c.mcap", px4_types)
     (made / "cut.ulg").write_bytes((made / "a.ulg").read_bytes()[:-7])
     return made
@@ -40,9 +39,9 @@ def test_what_differs_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("a.ulg", "b.ulg") == DONE
     lines = capsys.readouterr().out.splitlines()
     assert lines[:3] == ["A  a.ulg", "B  b.ulg", "takeoff at 3.0 s in A, at 3.0 s in B"]
-    assert "Board                  PX4_FMU_V6X  PX4_FMU_V5" in lines
+    assert "Board                  PX4_FMU_V6X  PX4_FMU_V5X" in lines
     assert "1 parameter only in A: MPC_Z_VEL_MAX_UP" in lines
-    assert "1 parameter only in B: MPC_OTHER" in lines
+    assert "1 parameter only in B: MPC_Z_VEL_MAX_DN" in lines
     assert [line for line in lines if line.startswith("both, A: warning VIBRATION_HIGH: high vibration of IMU 0")]
 
 
@@ -63,8 +62,8 @@ def test_the_document_has_all_differences(capsys: pytest.CaptureFixture[str]) ->
     document = json.loads(capsys.readouterr().out)
     assert document["recordings"] == ["a.ulg", "b.ulg"]
     assert document["moment"] == {"name": "takeoff", "seconds": [3.0, 3.0]}
-    assert document["facts"] == [{"name": "Board", "values": ["PX4_FMU_V6X", "PX4_FMU_V5"]}]
-    assert document["parameters"][0] == {"name": "MPC_OTHER", "values": [None, 3]}
+    assert document["facts"] == [{"name": "Board", "values": ["PX4_FMU_V6X", "PX4_FMU_V5X"]}]
+    assert document["parameters"][0] == {"name": "MPC_Z_VEL_MAX_DN", "values": [None, 3]}
     vibration = next(each for each in document["findings"] if each["rule"] == "VIBRATION_HIGH")
     assert [side[0]["values"]["vibration_m_s2"] for side in vibration["findings"]] == [6.0, 6.0]
     assert vibration["unsaid"] == [None, None]

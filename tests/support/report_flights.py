@@ -155,6 +155,13 @@ def write_ulog(path: Path, package: Any, texts: Mapping[str, str] | None = None)
     return writer.write(path)
 
 
+def write_other(path: Path, ulog: str) -> str:
+    """Write the ULog of a flight again: of the board PX4_FMU_V5X, and with MPC_Z_VEL_MAX_DN for MPC_Z_VEL_MAX_UP."""
+    content = Path(ulog).read_bytes().replace(b"PX4_FMU_V6X", b"PX4_FMU_V5X")
+    path.write_bytes(content.replace(b"MPC_Z_VEL_MAX_UP", b"MPC_Z_VEL_MAX_DN"))
+    return str(path)
+
+
 def packed(message: Any, fields: str) -> bytes:
     """Return a message without others in it as a sample of a ULog."""
     signed = {"int8_t": "b", "int16_t": "h", "int32_t": "i", "int64_t": "q"}
