@@ -24,7 +24,7 @@ from msggen.link.rmw_zenoh.names import reversed_id
 
 TOKENS: Final = "@ros2_lv/**"
 SAMPLES: Final = "**/fmu/out/**"
-_CONNECT_MS: Final = 2000
+_CONNECT_MS: Final = 3000
 """How long a router may take to answer."""
 _ELSEWHERE: Final = {errno.EADDRINUSE, errno.EADDRNOTAVAIL}
 _FILES: Final = (

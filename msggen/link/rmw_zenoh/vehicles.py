@@ -37,13 +37,13 @@ GRACE_NS: Final = 1_000_000_000
 """How long the tokens of a vehicle may come after its first sample."""
 MAX_VEHICLES: Final = 100
 MAX_ENDPOINTS: Final = 1000
-"""The endpoints of a vehicle, and the other nodes whose tokens are kept."""
+"""The endpoints of a vehicle."""
 MAX_KEYS: Final = 10_000
 """The keys of samples that are known by heart."""
 _MOST_LOST: Final = 1_000_000
 """The largest gap of sequence numbers that is one. PX4 counts 250 samples of a topic in a second."""
 _TWINS: Final = 5
-"""How often sequence numbers go back, in a session, until two vehicles must be behind one guid."""
+"""How often the sequence numbers of a topic go back, in a session, until two vehicles must be behind one guid."""
 
 _HEADER: Final = 4
 _OLD: Final = re.compile(r"(?:rt/)?(?:[A-Za-z0-9_]+/)*fmu/out/[A-Za-z0-9_]+")
@@ -85,9 +85,9 @@ class _Vehicle:
         """The same by the texts of keys, for samples."""
         self.release = NEWEST
         self.since = self.heard = now
-        self.has_samples = False
         self.sequences: dict[Route, int] = {}
-        self.backwards = 0
+        self.backwards: Counter[Route] = Counter()
+        self.are_two = False
 
     @property
     def publishes(self) -> bool:
@@ -136,7 +136,7 @@ class Vehicles:
         if is_alive:
             self._add(identity, text, token, token.key, now)
         elif (vehicle := self._vehicles.get(identity)) is not None:
-            self._remove(vehicle, text, token.zid)
+            self._remove(vehicle, text, token.zid, now)
 
     def sample(self, key: str, payload: bytes, attachment: bytes | None, time: int, now: int) -> None:
         """Take a sample."""
@@ -151,7 +151,6 @@ class Vehicles:
             self._flows[key, gid] = flow
         vehicle, parsed, end = flow
         vehicle.heard = now
-        vehicle.has_samples = True
         if vehicle.remote is None:
             self._connect(vehicle, now)
         remote = vehicle.remote
@@ -208,7 +207,7 @@ class Vehicles:
                 "namespace, PX4_UXRCE_DDS_NS when its firmware is built"
             )
         if now - vehicle.heard > STILL_NS:
-            raise StaleError(f"nothing has arrived from the vehicle for {(now - vehicle.heard) / 1e9:.1f} s: dropped")
+            raise StaleError(f"nothing has arrived from the vehicle for more than {STILL_NS / 1e9:g} s: dropped")
         return known.text
 
     # Vehicles
@@ -244,7 +243,7 @@ class Vehicles:
                 "of a message the vehicle has: build its firmware with CONFIG_ZENOH_KEY_TYPE_HASH=y"
             )
 
-    def _remove(self, vehicle: _Vehicle, text: str, zid: str) -> None:
+    def _remove(self, vehicle: _Vehicle, text: str, zid: str, now: int) -> None:
         keys = vehicle.sessions.get(zid)
         if keys is None or keys.pop(text, None) is None:
             return
@@ -254,6 +253,11 @@ class Vehicles:
             self._disconnect(vehicle, "its tokens are gone: PX4, or its module zenoh, has ended")
             if not vehicle.sessions:
                 self._forget(vehicle)
+        elif not keys and vehicle.remote is not None:
+            left = {key for each in vehicle.sessions.values() for key in each.values()}
+            if any(each.key not in left for each in vehicle.routes.values()):  # of a session before, and its firmware
+                self._disconnect(vehicle, "it has begun another session")
+                self._connect(vehicle, now)
 
     def _connect(self, vehicle: _Vehicle, now: int) -> None:
         self._count += 1
@@ -263,8 +267,8 @@ class Vehicles:
         address = guid or identity.node
         remote = vehicle.remote = Remote(self._count, address, 0, identity.namespace, continued=False, guid=guid)
         self._by_remote[remote.number] = vehicle
-        vehicle.since = now
-        vehicle.backwards = 0
+        vehicle.since, vehicle.are_two = now, False
+        vehicle.backwards.clear()
         self._told(Connected(remote))
         newest = next(reversed(vehicle.sessions.values()), {})
         vehicle.release = release_of((key.type_hash, _message(key)) for key in newest.values())
@@ -312,10 +316,11 @@ class Vehicles:
         vehicle = self._vehicles.get(Identity(key.domain, place[0], node))
         if vehicle is None:
             inside = [each for each in self._vehicles.values() if each.identity[:2] == (key.domain, place[0])]
-            carried = [each for each in inside if _PX4.fullmatch(each.identity.node) is None]
+            told_of = [each for each in inside if each.publishes]
+            carried = [each for each in told_of if _PX4.fullmatch(each.identity.node) is None]
             if len(carried) == 1:
                 vehicle = carried[0]
-            elif inside and any(each.sessions for each in inside):
+            elif told_of:
                 self.refused["samples of a gid that no vehicle has"] += 1
                 return None
             else:
@@ -348,15 +353,16 @@ class Vehicles:
     def _count_lost(self, vehicle: _Vehicle, remote: Remote, route: Route, sequence: int) -> None:
         last = vehicle.sequences.get(route)
         vehicle.sequences[route] = sequence
-        if last is None or sequence == last + 1 or vehicle.backwards >= _TWINS:
+        if last is None or sequence == last + 1 or vehicle.are_two:
             return
         missing = sequence - last - 1
         if 0 < missing <= _MOST_LOST:
             self.lost += missing
             self._told(Lost(remote, missing))
         elif missing < 0:
-            vehicle.backwards += 1
-            if vehicle.backwards == _TWINS:
+            vehicle.backwards[route] += 1  # by one if the vehicle has restarted
+            vehicle.are_two = vehicle.backwards[route] >= _TWINS
+            if vehicle.are_two:
                 self._warn(
                     f"two vehicles have the guid {remote.guid} and the same topics, as boards without a unique id and "
                     "simulations do, and cannot be told apart: give each a namespace (PX4_UXRCE_DDS_NS)"

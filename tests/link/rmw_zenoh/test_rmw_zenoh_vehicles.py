@@ -121,6 +121,35 @@ def test_a_vehicle_that_counts_from_one_again_has_lost_nothing(space: Space) -> 
     assert not space.all(Lost)
 
 
+def test_a_restart_without_tokens_is_no_second_vehicle(space: Space) -> None:
+    keys = [STATUS._replace(name=f"/fmu/out/topic_{number}") for number in range(20)]
+    for key in keys:
+        space.token(key)
+    for sequence in (1000, 1, 2):
+        for key in keys:
+            space.sample(key, sequence=sequence)
+    assert not space.all(Lost) + space.all(Warned)
+
+
+def test_a_listener_to_inputs_is_no_vehicle(space: Space) -> None:
+    space.vehicles.token(str(Token(0, ZID, "MS", "rosbag", COMMAND)), space.now, is_alive=True)
+    space.sample()
+    space.now += GRACE_NS
+    space.sample()
+    assert space.remote.guid == GUID.hex()
+
+
+def test_routes_of_a_firmware_before_an_update_go_with_its_session(space: Space) -> None:
+    """Both sessions have tokens for a minute, and a program that joins does not know which one is the later."""
+    old = STATUS._replace(type_hash=NO_HASH)
+    space.token(old)
+    space.token(STATUS, zid="0b" * 16)
+    space.token(old._replace(name="/fmu/out/old"))
+    space.token(old, is_alive=False)
+    space.token(old._replace(name="/fmu/out/old"), is_alive=False)
+    assert [route.name for route in space.vehicles.routes(space.remote)] == ["/fmu/out/vehicle_status_v4"]
+
+
 def test_several_vehicles_are_told_by_their_guids(space: Space) -> None:
     for guid in (GUID, OTHER):
         space.token(STATUS, guid, zid=guid.hex())
@@ -207,7 +236,7 @@ def test_nothing_is_sent_to_a_vehicle_that_is_silent(space: Space) -> None:
     space.token(STATUS)
     route = space.all(Opened)[0].route
     space.now += STILL_NS + 1
-    with pytest.raises(StaleError, match=r"nothing has arrived from the vehicle for 1\.0 s"):
+    with pytest.raises(StaleError, match="nothing has arrived from the vehicle for more than 1 s"):
         space.vehicles.key_to(space.remote, route, space.now)
 
 
