@@ -35,6 +35,8 @@ _COARSEST = 10
 """The samples that a response has at least."""
 _LEAST_FIT = 0.3
 """The share of the movement that must follow from the setpoint."""
+_LARGEST_SPREAD = 0.5
+"""The mean spread, in parts of the step, up to which the mean says something: those of real flights are 0.03 to 0.2."""
 _LARGEST = 1e6
 """Values beyond it are damaged."""
 _SETTLED, _TAIL = 0.05, 0.2
@@ -279,8 +281,12 @@ def _solved(loop: Loop, windows: Sequence[_Window], shape: tuple[float, int, int
         )
     noise = max(1 - fit, _LEAST_NOISE)
     steps = [_step(_impulses(*part, noise)) for part in zip(powers, products, strict=True)]
+    spread = np.std(steps, axis=0)
+    if spread.mean() > _LARGEST_SPREAD:
+        verdict = f"not known: parts of the flight differ by {spread.mean():.1f} of a step on average"
+        return Response(loop, verdict, windows=len(windows), excitation=largest, fit=fit)
     mean = _step(_impulses(power, product, noise))
-    return Response(loop, "", np.arange(taps) / rate, mean, np.std(steps, axis=0), len(windows), largest, fit)
+    return Response(loop, "", np.arange(taps) / rate, mean, spread, len(windows), largest, fit)
 
 
 def _impulses(power: NDArray[np.float64], product: NDArray[np.float64], noise: float) -> NDArray[np.float64]:

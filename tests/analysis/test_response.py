@@ -144,6 +144,14 @@ def test_what_does_not_follow_has_no_response() -> None:
     assert response.verdict.startswith("the vehicle did not follow the setpoint: ")
 
 
+def test_a_flight_whose_parts_differ_has_no_response() -> None:
+    setpoint = moved("noise")
+    gains = np.where(np.arange(len(setpoint)) // (len(setpoint) // 8) % 2, 0.2, 2.5)
+    response = found(_RATES, column(setpoint, 4), column(followed(setpoint, 30, 0.5) * gains, 4))
+    assert response.verdict.startswith("not known: parts of the flight differ by 0.8 of a step")
+    assert not len(response.mean)
+
+
 def test_a_recording_has_the_response_of_each_loop(tmp_path: Path, px4_types: Any) -> None:
     wanted = np.radians(moved("noise"))
     rates, angles = followed(wanted, 30, 0.5), np.radians(moved("slow"))
