@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
-from msggen.analysis.finding import FlightRule, Seen
+from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted
 from msggen.check.finding import Category, Severity
 from msggen.messages.gps import HAS_FIX
@@ -33,10 +33,12 @@ def _receivers(flight: Flight) -> Iterator[tuple[str, str, int]]:
         yield f"GPS {instance}" if instance else "GPS", topic, instance
 
 
-def _lost(flight: Flight) -> Iterator[Seen]:
+def _lost(flight: Flight) -> Iterator[Seen | Unsaid]:
     for name, topic, instance in _receivers(flight):
         fix = flight.recorded.column(topic, "fix_type", instance)
-        later = fix.since_above(HAS_FIX - 1) if fix else None  # a vehicle indoors never has one
+        later = fix.since_above(HAS_FIX - 1) if fix else None
+        if later and not len(later.times):
+            yield Unsaid(f"the {name} never had a fix, as indoors")
         stretch = flight.below(later, HAS_FIX)
         if stretch and stretch.seconds > 0:
             text = f"the {name} had no fix for {stretch.seconds:.1f} s"

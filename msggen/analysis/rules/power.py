@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
@@ -25,17 +26,25 @@ _LAST, _BEFORE, _FALLEN = 2.0, 12.0, 0.1
 """The end of a recording and the time before it, in s, and the share by which a voltage falls that fails."""
 
 
-def _low(flight: Flight) -> Iterator[Seen]:
+def _each(find: Callable[[Flight, int], Iterator[Seen | Unsaid]], flight: Flight) -> Iterator[Seen | Unsaid]:
+    """Yield what is seen of each battery, or that there is none."""
+    found = list(flight.recorded.batteries())
+    if not found:
+        yield Unsaid("no battery is connected")
+    for instance in found:
+        yield from find(flight, instance)
+
+
+def _low(flight: Flight, instance: int) -> Iterator[Seen]:
     low, critical = flight.parameter("BAT_LOW_THR", 0.15), flight.parameter("BAT_CRIT_THR", 0.07)
-    for instance in flight.recorded.batteries():
-        share = flight.recorded.column("battery_status", "remaining", instance)
-        known = share.known(0.0) if share else None
-        stretch = flight.below(known, low, flight.whole)
-        if known and stretch:
-            values = {"battery": instance, "remaining": known.smallest, "limit": low}
-            level = "error" if known.smallest < critical else ""
-            text = f"the battery fell to {known.smallest * 100:.0f} %"
-            yield Seen(text, stretch.begin, stretch.end, values, level)
+    share = flight.recorded.column("battery_status", "remaining", instance)
+    known = share.known(0.0) if share else None
+    stretch = flight.below(known, low, flight.whole)
+    if known and stretch:
+        values = {"battery": instance, "remaining": known.smallest, "limit": low}
+        level = "error" if known.smallest < critical else ""
+        text = f"the battery fell to {known.smallest * 100:.0f} %"
+        yield Seen(text, stretch.begin, stretch.end, values, level)
 
 
 def _cells(flight: Flight, instance: int) -> float:
@@ -45,41 +54,39 @@ def _cells(flight: Flight, instance: int) -> float:
     return found if found >= 1 else max(flight.parameter(f"BAT{instance + 1}_N_CELLS", 0.0), 0.0)
 
 
-def _sag(flight: Flight) -> Iterator[Seen | Unsaid]:
-    for instance in flight.recorded.batteries():
-        cells = _cells(flight, instance)
-        volts = flight.recorded.column("battery_status", "voltage_v", instance)
-        if not cells:
-            yield Unsaid(f"the number of cells is not known: set BAT{instance + 1}_N_CELLS")
-            continue
-        limit = flight.parameter(f"BAT{instance + 1}_V_EMPTY", 3.6) - _SAG
-        each = volts.known(0.1) if volts else None  # 0 is unknown
-        each = each._replace(values=each.values / cells) if each else None
-        stretch = flight.below(each, limit)
-        worst = each.within(flight.recorded.armed).smallest if each else 0.0
-        if stretch and stretch.seconds >= _LONGEST:
-            text = f"the voltage sagged to {worst:.2f} V a cell, below {limit:.2f} V for {stretch.seconds:.1f} s"
-            values = {"battery": instance, "cell_v": worst, "limit_v": limit, "below_s": stretch.seconds}
-            yield Seen(text, stretch.begin, stretch.end, values)
+def _sag(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
+    cells = _cells(flight, instance)
+    volts = flight.recorded.column("battery_status", "voltage_v", instance)
+    if not cells:
+        yield Unsaid(f"the number of cells is not known: set BAT{instance + 1}_N_CELLS")
+        return
+    limit = flight.parameter(f"BAT{instance + 1}_V_EMPTY", 3.6) - _SAG
+    each = volts.known(0.1) if volts else None  # 0 is unknown
+    each = each._replace(values=each.values / cells) if each else None
+    stretch = flight.below(each, limit)
+    worst = each.within(flight.recorded.armed).smallest if each else 0.0
+    if stretch and stretch.seconds >= _LONGEST:
+        text = f"the voltage sagged to {worst:.2f} V a cell, below {limit:.2f} V for {stretch.seconds:.1f} s"
+        values = {"battery": instance, "cell_v": worst, "limit_v": limit, "below_s": stretch.seconds}
+        yield Seen(text, stretch.begin, stretch.end, values)
 
 
-def _resistance(flight: Flight) -> Iterator[Seen | Unsaid]:
+def _resistance(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
     from msggen.analysis.fits import fit
 
-    for instance in flight.recorded.batteries():
-        volts, amps = (
-            flight.recorded.while_armed("battery_status", field, instance) for field in ("voltage_v", "current_a")
-        )
-        found = fit(volts, amps.known(0.0)) if volts and amps else None
-        cells = _cells(flight, instance)
-        if not found or not amps or not cells or found.spread < _CHANGE * amps.largest:
-            yield Unsaid(f"the current of battery {instance} hardly changed, or the number of its cells is not known")
-            continue
-        assumed = flight.parameter(f"BAT{instance + 1}_R_INTERNAL", _OHM)
-        limit, each = _WORN * max(assumed, _OHM), -found.slope / cells
-        if found.correlation <= _EXPLAINED and each > limit:
-            values = {"battery": instance, "cell_ohm": each, "limit_ohm": limit, "correlation": found.correlation}
-            yield Seen(f"the battery has {each * 1000:.0f} mΩ a cell, more than {limit * 1000:.0f} mΩ", values=values)
+    volts, amps = (
+        flight.recorded.while_armed("battery_status", field, instance) for field in ("voltage_v", "current_a")
+    )
+    found = fit(volts, amps.known(0.0)) if volts and amps else None
+    cells = _cells(flight, instance)
+    if not found or not amps or not cells or found.spread < _CHANGE * amps.largest:
+        yield Unsaid(f"the current of battery {instance} hardly changed, or the number of its cells is not known")
+        return
+    assumed = flight.parameter(f"BAT{instance + 1}_R_INTERNAL", _OHM)
+    limit, each = _WORN * max(assumed, _OHM), -found.slope / cells
+    if found.correlation <= _EXPLAINED and each > limit:
+        values = {"battery": instance, "cell_ohm": each, "limit_ohm": limit, "correlation": found.correlation}
+        yield Seen(f"the battery has {each * 1000:.0f} mΩ a cell, more than {limit * 1000:.0f} mΩ", values=values)
 
 
 def _rail(flight: Flight) -> Iterator[Seen]:
@@ -122,7 +129,7 @@ RULES = (
         "BATTERY_LOW",
         "a battery was nearly empty",
         Category.FLIGHT,
-        _low,
+        partial(_each, _low),
         severity=Severity.WARNING,
         needs=(("battery_status.remaining",),),
         fix="Land earlier, or set COM_LOW_BAT_ACT, the failsafe that does so. Check BAT1_CAPACITY and the calibration "
@@ -134,7 +141,7 @@ RULES = (
         "BATTERY_SAG",
         "the voltage of a battery fell below that of an empty one under load",
         Category.FLIGHT,
-        _sag,
+        partial(_each, _sag),
         severity=Severity.WARNING,
         needs=(("battery_status.voltage_v",),),
         uses=("vehicle_status", "actuator_armed"),
@@ -147,7 +154,7 @@ RULES = (
         "BATTERY_RESISTANCE",
         "a battery has a high internal resistance: its voltage falls much with the current",
         Category.FLIGHT,
-        _resistance,
+        partial(_each, _resistance),
         severity=Severity.WARNING,
         needs=(("battery_status.voltage_v",), ("battery_status.current_a",)),
         uses=("vehicle_status", "actuator_armed"),
