@@ -15,22 +15,13 @@ import numpy as np
 
 from msggen.analysis import outputs, response, sampling
 from msggen.analysis.finding import Unsaid
+from msggen.analysis.motion import SENSORS, Sensor, motion_of
+from msggen.analysis.motion import TOPICS as MOTION
 from msggen.analysis.outputs import Innovation, Outputs, Thrust
 from msggen.analysis.recorded import Recorded
 from msggen.analysis.response import Response
 from msggen.analysis.sampling import flown
-from msggen.analysis.spectrum import (
-    SENSORS,
-    Sensor,
-    Spectrogram,
-    Spectrum,
-    Windows,
-    motion_of,
-    spectrogram_of,
-    spectrum_of,
-    windows_of,
-)
-from msggen.analysis.spectrum import TOPICS as SPECTRA
+from msggen.analysis.spectrum import Spectrogram, Spectrum, Windows, spectrogram_of, spectrum_of, windows_of
 from msggen.base.diagnostics import suggestion
 from msggen.recordings.source.source import RecordingError
 
@@ -61,7 +52,7 @@ def sensor_spectrum(
     `sensor` is needed for a topic of both: `accel` for the accelerometer of `sensor_combined`.
     `density` is in the square of deg/s or m/s² per Hz, with an array for each axis; `amplitude` is in deg/s or m/s².
     """
-    recorded = _recorded(log, SPECTRA)
+    recorded = _recorded(log, MOTION)
     with np.errstate(all="ignore"):
         return spectrum_of(recorded, _windows(recorded, source, sensor, (start, stop)))
 
@@ -70,7 +61,7 @@ def sensor_spectrogram(
     log: Log, source: str = "gyro", sensor: str = "", *, start: float | None = None, stop: float | None = None
 ) -> Spectrogram:
     """Return how strongly a sensor moves over time: the sum of its axes. The arguments are as in `sensor_spectrum`."""
-    recorded = _recorded(log, SPECTRA)
+    recorded = _recorded(log, MOTION)
     with np.errstate(all="ignore"):
         return spectrogram_of(recorded, _windows(recorded, source, sensor, (start, stop)), start or 0.0, stop)
 

@@ -9,20 +9,9 @@ import pytest
 from scipy import signal
 
 from msggen.analysis.finding import Unsaid
+from msggen.analysis.motion import ACCEL, GYRO, Sensor, motion_of
 from msggen.analysis.recorded import Column, Recorded
-from msggen.analysis.spectrum import (
-    ACCEL,
-    GYRO,
-    Mark,
-    Sensor,
-    Spectrogram,
-    Spectrum,
-    Windows,
-    motion_of,
-    spectrogram_of,
-    spectrum_of,
-    windows_of,
-)
+from msggen.analysis.spectrum import Mark, Spectrogram, Spectrum, Windows, spectrogram_of, spectrum_of, windows_of
 
 _SECONDS = 20.0
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msggen import analysis
-from msggen.analysis import response, spectrum
+from msggen.analysis import motion, response, spectrum
 from msggen.cli import main
 from msggen.exports.pictures import PICTURES
 from support.moving import write_moving
@@ -50,7 +50,7 @@ def test_the_program_of_the_page_runs(
 def test_the_page_has_all_pictures_and_functions() -> None:
     assert set(re.findall(r"`msggen log plot FILE ([\w-]+)`", PAGE)) == set(PICTURES)
     assert {f"`{name}(" for name in analysis.__all__ if name.islower()} <= set(re.findall(r"`\w+\(", PAGE))
-    for sensor in spectrum.SENSORS:
+    for sensor in motion.SENSORS:
         for name in (*sensor.names, *(parameter for _, parameter in sensor.filters)):
             assert f"`{name}`" in PAGE, name
 

@@ -304,7 +304,7 @@ def recorded_paths(prefix: str, options: argparse.Namespace) -> Iterator[str]:
         yield from _live_paths(prefix, options)
         return
     from msggen import recordings
-    from msggen.analysis.spectrum import SENSORS
+    from msggen.analysis.motion import SENSORS
     from msggen.exports.pictures import PICTURES
     from msggen.recordings.columns.arrays import names_of
 

@@ -14,19 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.analysis.finding import Unsaid
+from msggen.analysis.motion import SENSORS, Sensor, motion_of
 from msggen.analysis.outputs import outputs_of, thrust_of
 from msggen.analysis.recorded import Column, Recorded
 from msggen.analysis.response import Response, responses_of
-from msggen.analysis.spectrum import (
-    SENSORS,
-    Mark,
-    Sensor,
-    Spectrogram,
-    motion_of,
-    spectrogram_of,
-    spectrum_of,
-    windows_of,
-)
+from msggen.analysis.spectrum import Mark, Spectrogram, spectrogram_of, spectrum_of, windows_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

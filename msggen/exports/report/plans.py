@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from msggen.analysis.motion import TOPICS as MOTION
 from msggen.analysis.response import LOOPS
-from msggen.analysis.spectrum import TOPICS as SPECTRA
 
 
 class Field(NamedTuple):
@@ -242,7 +242,7 @@ LANES: tuple[Lanes, ...] = (
 _NAMES = frozenset(
     {
         *("vehicle_status", "actuator_armed", "vehicle_global_position"),
-        *SPECTRA,
+        *MOTION,
         *(
             path.partition(".")[0]
             for group in GROUPS
