@@ -117,8 +117,7 @@ DOCTOR = (
         "programs send large messages over Zenoh, for which PX4's module has a stack that is too small",
         Category.SESSION,
         on_zenoh.find_small_stack,
-        fix="Use the uxrce_dds_client of the vehicle for flight modes, or build a firmware with the change of PX4 "
-        "28306.",
+        fix="Use the uxrce_dds_client of the vehicle for flight modes, or a firmware that has PX4 28306 in it.",
     ),
     Rule(
         "VEHICLE_RESTARTS",

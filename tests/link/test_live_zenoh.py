@@ -59,7 +59,7 @@ def test_a_vehicle_connects_to_the_router_that_the_link_is(px4_types: Any) -> No
         counted = link.statistics()
         assert (counted.lost, counted.refused, counted.sent) == (0, 0, 1)
     assert not records.failures + records.warnings
-    assert {each for each in threading.enumerate() if each.is_alive()} <= before  # the pool of Zenoh itself stays
+    records.wait(lambda: {*threading.enumerate()} <= before)  # the pool of Zenoh itself stays
 
 
 def test_the_link_is_a_client_where_a_router_runs(px4_types: Any) -> None:

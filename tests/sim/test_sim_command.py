@@ -412,7 +412,7 @@ def test_the_commands_of_the_page_are_accepted() -> None:
     from msggen.cli import parser_for
 
     commands = re.findall(r"^(?:\$ )?msggen (sim.*?)(?: &|  #.*)?$", PAGE, re.MULTILINE)
-    assert len(commands) == 16
+    assert len(commands) == 17
     for command in commands:
         parser_for(command.split()).parse_args(command.split())
 
