@@ -48,7 +48,7 @@ MEASUREMENT = (
         "`reset_counter` after a jump. A position in NED needs a heading from a magnetometer or GPS, and beside GPS, "
         "an attitude needs a position in NED. Otherwise, set EKF2_EV_CTRL to the sum of 1 (horizontal position), 2 "
         "(height), 4 (velocity) and 8 (yaw): it is 0 from v1.16 on. For aux_global_position, set EKF2_AGP_CTRL to 1; "
-        "in v1.18, EKF2_AGP0_CTRL to 1 and EKF2_AGP0_ID to the `id` of the message, and restart PX4.",
+        "in v1.18, EKF2_AGP0_CTRL to 1 and EKF2_AGP0_ID to the `id` of the message, and restart it.",
     ),
 )
 """Those about measurements, which can be the cause of a missing position."""

@@ -12,7 +12,8 @@ import pytest
 
 from msggen import recordings
 from msggen.analysis.findings import findings_of
-from msggen.analysis.flight import flight_of
+from msggen.analysis.flight import Flight, flight_of
+from msggen.analysis.recorded import Recorded
 from msggen.analysis.rules.table import FLIGHT
 from msggen.cli import main
 from msggen.sim.airframes import AIRFRAMES
@@ -398,7 +399,7 @@ def test_a_rule_without_one_of_its_needs_says_so(tmp_path: Path, px4_types: Any,
         for rule in FLIGHT:
             for paths in rule.needs:
                 shown = rule.topics - {each.partition(".")[0] for each in paths}
-                found = findings_of(flight_of(log, shown.__contains__), [rule])
+                found = findings_of(Flight(Recorded(log, shown.__contains__)), [rule])
                 assert not found.findings
                 (silence,) = found.silences
                 assert silence.reason.startswith("the recording has no "), rule.id

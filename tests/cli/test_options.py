@@ -37,6 +37,7 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 
 OF_OTHERS = {
+    "log findings": {"--jobs", "-v", "--verbose"},
     "log": {"-o", "--output", "-n", "--count", "--field", "--format", "--types"},
     "doctor": {"--json", "--for", "-v", "--verbose"},
     "topic": {"-t", "-v", "--verbose"},

@@ -200,7 +200,7 @@ def test_a_mission_that_the_vehicle_cannot_fly_is_not_ready(px4_types: Any) -> N
         home = vehicle.world.home
         fast = ActionItem("changeSettings", {"horizontalVelocity": 21.0})
         away = Waypoint(GlobalPlace(home.latitude + 0.001, home.longitude, home.altitude + 50.0))
-        mission = Mission(Plan((fast, away), Settings(horizontal_velocity=20.0)))
+        mission = Mission(Plan((fast, ActionItem("takeoff", {}), away), Settings(horizontal_velocity=20.0)))
         async with Flight(vehicle, parameters={"FW_AIRSPD_MIN": 7.0, "FW_AIRSPD_MAX": 20.0}) as flight:
             await flight.add(mission)
             return mission.unready
