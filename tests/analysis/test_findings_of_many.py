@@ -16,7 +16,7 @@ import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.cli import main
-from msggen.exports.fleet import examining, update
+from msggen.exports.fleet import examining, findings, update
 from support.fleet_stores import Bucket
 from support.written import write_recording
 
@@ -108,6 +108,18 @@ def test_a_changed_recording_is_examined_again_and_a_moved_one_is_not(
     assert rules_in(lines_of(output)["a.mcap"]) == ["CPU_LOAD_HIGH"]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="needs links")
+def test_what_cannot_be_opened_is_told_once(flights: Path, tmp_path: Path) -> None:
+    (flights / "gone.ulg").symlink_to(flights / "missing.ulg")
+    output = tmp_path / "out.ndjson"
+    words = ["log", "findings", str(flights), "-o", str(output), "--jobs", "1"]
+    assert main(words) == FINDINGS
+    before = output.read_bytes()
+    assert b"a link to a missing file" in before
+    assert main(words) == FINDINGS
+    assert output.read_bytes() == before
+
+
 @pytest.mark.skipif(os.name == "nt", reason="needs SIGKILL")
 def test_a_killed_run_leaves_lines(flights: Path, tmp_path: Path, px4_types: Any) -> None:
     for number in range(100):
@@ -192,6 +204,14 @@ def test_recordings_in_a_store_are_examined(
     assert output.read_bytes() == before
     assert main(["log", "findings", "s3://bucket/logs/deep/c.mcap"]) == FINDINGS
     assert "CPU_LOAD_HIGH" in capsys.readouterr().out
+
+
+def test_a_huge_recording_has_no_findings_in_a_fleet(
+    flights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(findings, "LARGEST", 1)
+    update(str(flights), str(tmp_path / "fleet"))
+    assert not (tmp_path / "fleet" / "findings").exists()
 
 
 def test_a_fleet_has_the_findings_as_a_table(flights: Path, tmp_path: Path) -> None:

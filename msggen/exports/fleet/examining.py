@@ -56,7 +56,7 @@ def work_in(folder: str, lines: Sequence[Mapping[str, Any]]) -> Work:
             if digest and digest in digests:
                 del waiting[path]
             digests.add(digest)
-    failed = [each for each in found if each.error]
+    failed = [each for each in found if each.error and (each.path, None, None) not in done]
     return Work(len(found), len(states) - len(waiting), failed, waiting)
 
 
