@@ -186,6 +186,8 @@ def thrust_of(recorded: Recorded, start: float | None = None, stop: float | None
         if down is None or not np.isfinite(down.values).any():
             continue
         up = _usable(down._replace(values=-down.values))
+        if not (up.finite > 0).any():
+            return Unsaid(f"{path}[2] has no thrust upwards: a vehicle with wings or wheels does not hover")
         hover = recorded.column("hover_thrust_estimate", "hover_thrust")
         hover = hover and hover.where(recorded.column("hover_thrust_estimate", "valid"))
         times, estimates = (hover.times, hover.values) if hover else (np.zeros(0), np.zeros(0))

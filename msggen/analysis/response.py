@@ -274,7 +274,7 @@ def _solved(loop: Loop, windows: Sequence[_Window], shape: tuple[float, int, int
     if fit < _LEAST_FIT:
         return Response(
             loop,
-            f"the vehicle did not follow the setpoint: {max(fit, 0) * 100:.0f} % of its movement come from it",
+            f"the vehicle did not follow the setpoint: {max(fit, 0) * 100:.0f} % of its movement comes from it",
             windows=len(windows),
             excitation=largest,
             fit=fit,

@@ -71,6 +71,13 @@ def test_thrust_is_told_against_the_estimate_in_flight(tmp_path: Path, px4_types
     assert found.text == "the vehicle hovers with 0.40 by the estimate; more than 0.40 for 20 % of the flight"
 
 
+def test_a_plane_does_not_hover(tmp_path: Path, px4_types: Any) -> None:
+    made = px4_types.VehicleThrustSetpoint
+    samples = [("/fmu/out/vehicle_thrust_setpoint", step / 10, made(xyz=(0.5, 0.0, 0.0))) for step in range(20)]
+    with opened(tmp_path, samples) as log, pytest.raises(RecordingError, match="has no thrust upwards"):
+        analysis.hover_thrust(log)
+
+
 def test_gates_are_those_of_the_test_ratios(tmp_path: Path, px4_types: Any) -> None:
     source = px4_types.EstimatorAidSource1d
     samples = [
