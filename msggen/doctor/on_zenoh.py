@@ -10,12 +10,15 @@ from msggen.messages.names import uorb_name
 from msggen.messages.zenoh_topics import SMALL_STACK
 
 _LARGE = "arming_check_reply"
+_FIRMWARE = ("CONFIG_ZENOH_", "in the form of PX4 v1.16", "cannot be told apart")
+"""What tells warnings about the firmware of a vehicle from others."""
 
 
 def find_limited(case: Case) -> Iterator[Change]:
     """Find vehicles whose firmware tells too little, or whose samples are not CDR: the link warns of them."""
     for text in case.seen.warnings if case.seen.link_type.has_router else ():
-        yield case.change(case.seen.link, text)
+        if any(mark in text for mark in _FIRMWARE):
+            yield case.change(case.seen.link, text)
 
 
 def find_small_stack(case: Case) -> Iterator[Change]:

@@ -155,7 +155,8 @@ class LinkConnection:
 
     def publish(self, topic: str, message: Any) -> None:
         """See Connection. While the vehicle is not connected, messages are lost without an error."""
-        self._check_zenoh(Need("in", topic))
+        if self._is_by_type:
+            self._check_zenoh(Need("in", topic))
         try:
             self._vehicle.publish(message, self._topics.endpoint("in", topic))
         except (FormatError, TopicError) as error:

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
-from urllib.parse import parse_qsl, unquote
+from urllib.parse import parse_qsl, quote, unquote
 
 from msggen.base.diagnostics import suggestion
 from msggen.link.link import LinkError
@@ -40,7 +40,7 @@ class Address(NamedTuple):
     def __str__(self) -> str:
         place, agent = _joined(self.host, self.port), _joined(*self.agent)
         values = {"path": self.path, "baud": self.baud, "domain": self.domain}
-        return self.link_type.filled(config=self.config, place=place, agent=agent, **values)
+        return self.link_type.filled(config=quote(self.config), place=place, agent=agent, **values)
 
     @property
     def has_free_port(self) -> bool:

@@ -78,7 +78,7 @@ def test_a_flight_over_zenoh(px4_types: Any, caplog: pytest.LogCaptureFixture) -
             await executor.end.wait()
 
     with caplog.at_level(logging.WARNING, "msggen.flight"), flown(px4_types) as (vehicle, simulator):
-        asyncio.run(asyncio.wait_for(fly(vehicle), 60.0))
+        asyncio.run(asyncio.wait_for(fly(vehicle), 100.0))
         assert not simulator.vehicles[0].refused
         assert vehicle.lost == 0
     assert "(PX4 28306)" in caplog.text
@@ -109,5 +109,5 @@ def test_what_zenoh_does_not_have_is_refused(
                 await flight.add(part())
 
     with flown(types, kind) as (vehicle, simulator), pytest.raises(UnsupportedError, match=error):
-        asyncio.run(asyncio.wait_for(fly(vehicle), 30.0))
+        asyncio.run(asyncio.wait_for(fly(vehicle), 60.0))
     assert not any("setpoint" in name for name in simulator.vehicles[0].received)

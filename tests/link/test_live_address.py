@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msggen.link.address import Address, parse_address
@@ -36,6 +36,10 @@ from support.repository import ROOT
         ("dds://0", Address("dds", domain=0)),
         ("dds://232", Address("dds", domain=232)),
         ("dds://", Address("dds", domain=0)),
+        ("zenoh://", Address("zenoh", port=7447)),
+        ("zenoh://10.41.10.1", Address("zenoh", "10.41.10.1", 7447)),
+        ("zenoh://7448", Address("zenoh", port=7448)),
+        ("zenoh://[::1]:7448?config=/etc/a.json5", Address("zenoh", "::1", 7448, config="/etc/a.json5")),
     ],
 )
 def test_an_address_is_read(text: str, expected: Address) -> None:
@@ -114,7 +118,8 @@ def test_a_wrong_address_names_the_right_one(text: str, error: str) -> None:
     assert error in str(raised.value)
 
 
-@given(st.text(max_size=30) | st.from_regex(r"(udp|serial|tap|dds)://[\w:/?=.\[\]]{0,20}", fullmatch=True))
+@given(st.text(max_size=30) | st.from_regex(r"(udp|serial|tap|dds|zenoh)://[\w:/?=.\[\]]{0,20}", fullmatch=True))
+@example("zenoh://1?config=a+b%26c%3F d")
 def test_any_text_is_an_address_or_an_error(text: str) -> None:
     try:
         found = parse_address(text)

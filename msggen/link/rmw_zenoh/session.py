@@ -116,6 +116,7 @@ def open_session(host: str, port: int, configuration: str = "") -> Session:
         if number == errno.EADDRINUSE:
             text = f"TCP port {port} of {host} is in use by a program that is no Zenoh router"
             cure = f"`ss -tlpn sport = :{port}` shows it, end it, or use another port here and in zenoh/net.txt of PX4"
+            cure += "; a router with TLS needs its certificate, config= in the address"
             raise LinkError(f"{text}: {cure}") from OSError(errno.EADDRINUSE, text)
         text = f"no Zenoh router answers at {place}, which is no address of this computer"
         raise LinkError(
