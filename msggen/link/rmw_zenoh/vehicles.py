@@ -28,6 +28,7 @@ from msggen.link.link import (
 )
 from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of, release_of
 from msggen.link.rmw_zenoh.names import NO_HASH, Key, Token, parse_attachment, parse_key, parse_token, place_in
+from msggen.link.rmw_zenoh.sequences import Sequences
 
 SILENCE_NS: Final = 5_000_000_000
 """How long nothing may arrive from a vehicle. The lease of its session, after which its tokens go, is 60 s."""
@@ -40,11 +41,6 @@ MAX_ENDPOINTS: Final = 1000
 """The endpoints of a vehicle."""
 MAX_KEYS: Final = 10_000
 """The keys of samples that are known by heart."""
-_MOST_LOST: Final = 1_000_000
-"""The largest gap of sequence numbers that is one. PX4 counts 250 samples of a topic in a second."""
-_TWINS: Final = 5
-"""How often the sequence numbers of a topic go back, in a session, until two vehicles must be behind one guid."""
-
 _HEADER: Final = 4
 _OLD: Final = re.compile(r"(?:rt/)?(?:[A-Za-z0-9_]+/)*fmu/out/[A-Za-z0-9_]+")
 _PX4: Final = re.compile("px4_([0-9a-f]{32})")
@@ -85,9 +81,7 @@ class _Vehicle:
         """The same by the texts of keys, for samples."""
         self.release = NEWEST
         self.since = self.heard = now
-        self.sequences: dict[Route, int] = {}
-        self.backwards: Counter[Route] = Counter()
-        self.are_two = False
+        self.sequences = Sequences()
 
     @property
     def publishes(self) -> bool:
@@ -267,8 +261,7 @@ class Vehicles:
         address = guid or identity.node
         remote = vehicle.remote = Remote(self._count, address, 0, identity.namespace, continued=False, guid=guid)
         self._by_remote[remote.number] = vehicle
-        vehicle.since, vehicle.are_two = now, False
-        vehicle.backwards.clear()
+        vehicle.since, vehicle.sequences = now, Sequences()
         self._told(Connected(remote))
         newest = next(reversed(vehicle.sessions.values()), {})
         vehicle.release = release_of((key.type_hash, _message(key)) for key in newest.values())
@@ -291,7 +284,7 @@ class Vehicles:
         if remote is None:
             return
         del self._by_remote[remote.number]
-        vehicle.routes, vehicle.by_key, vehicle.sequences = {}, {}, {}
+        vehicle.routes, vehicle.by_key = {}, {}
         self._told(Disconnected(remote, reason))
 
     def _forget(self, vehicle: _Vehicle) -> None:
@@ -350,23 +343,17 @@ class Vehicles:
         else:
             self.refused["samples whose key is not of the form"] += 1
 
-    def _count_lost(self, vehicle: _Vehicle, remote: Remote, route: Route, sequence: int) -> None:
-        last = vehicle.sequences.get(route)
-        vehicle.sequences[route] = sequence
-        if last is None or sequence == last + 1 or vehicle.are_two:
-            return
-        missing = sequence - last - 1
-        if 0 < missing <= _MOST_LOST:
+    def _count_lost(self, vehicle: _Vehicle, remote: Remote, route: Route, number: int) -> None:
+        were_two = vehicle.sequences.are_two
+        missing = vehicle.sequences.missing(route, number)
+        if missing:
             self.lost += missing
             self._told(Lost(remote, missing))
-        elif missing < 0:
-            vehicle.backwards[route] += 1  # by one if the vehicle has restarted
-            vehicle.are_two = vehicle.backwards[route] >= _TWINS
-            if vehicle.are_two:
-                self._warn(
-                    f"two vehicles have the guid {remote.guid} and the same topics, as boards without a unique id and "
-                    "simulations do, and cannot be told apart: give each a namespace (PX4_UXRCE_DDS_NS)"
-                )
+        if vehicle.sequences.are_two and not were_two:
+            self._warn(
+                f"two vehicles have the guid {remote.guid} and the same topics, as boards without a unique id and "
+                "simulations do, and cannot be told apart: give each a namespace (PX4_UXRCE_DDS_NS)"
+            )
 
     def _warn(self, text: str, about: str = "") -> None:
         """Tell a warning, one about each thing."""
