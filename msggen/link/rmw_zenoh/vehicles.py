@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from msggen.link.age import LONGEST_NS
 from msggen.link.link import (
     Connected,
     Disconnected,
@@ -32,7 +33,7 @@ from msggen.link.rmw_zenoh.sequences import Sequences
 
 SILENCE_NS: Final = 5_000_000_000
 """How long nothing may arrive from a vehicle. The lease of its session, after which its tokens go, is 60 s."""
-STILL_NS: Final = 1_000_000_000
+STILL_NS: Final = LONGEST_NS
 """How long nothing may arrive before nothing is sent: it would wait in the connection, and arrive when it is back."""
 GRACE_NS: Final = 1_000_000_000
 """How long the tokens of a vehicle may come after its first sample."""
