@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from msggen.analysis.recorded import Recorded, spans
+from msggen.base.diagnostics import printable
 from msggen.messages.nav_states import EXTERNAL, MODE_CONSTANTS, MODE_TITLES, mode_number
 from msggen.recordings.log.series import MODES
 
@@ -99,7 +100,7 @@ def _registered(recorded: Recorded) -> dict[int, _Registered]:
         return {}
     found: dict[int, _Registered] = {}
     for time, row in zip(samples.log_times, samples.array, strict=True):
-        name = bytes(row["name"]).partition(b"\0")[0].decode(errors="replace").strip()
+        name = printable(bytes(row["name"]).partition(b"\0")[0].decode(errors="replace").strip())
         if row["success"] and row["mode_id"] in EXTERNAL and name:
             of_mode = found.setdefault(int(row["mode_id"]), _Registered([], []))
             of_mode.times.append((time - recorded.log.start) / 1e9)

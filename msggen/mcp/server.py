@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from inspect import signature
 from itertools import islice
 from threading import Lock
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from mcp.server import MCPServer
 from mcp.server.mcpserver import Image
@@ -21,6 +21,7 @@ from msggen.base.diagnostics import InputError, input_error, printable, suggesti
 from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.version import __version__
 from msggen.exports.fleet.finding import state_of
+from msggen.exports.pictures import Span, draw
 from msggen.mcp.answers import answer
 from msggen.mcp.definitions import Definitions
 from msggen.mcp.places import Places
@@ -44,6 +45,10 @@ _WIDTH = 100
 _MOST_FOUND = 200
 _MOST_LINES = 32
 """The most lines of a plot."""
+_Seconds: TypeAlias = Annotated[float | None, Field(allow_inf_nan=False)]
+_Named: TypeAlias = Annotated[list[str], Field(min_length=1)]
+KIND: TypeAlias = Literal["step-response", "spectrum", "spectrogram", "actuators", "thrust", "innovations"]
+"""The names in PICTURES."""
 
 
 class Commands(NamedTuple):
@@ -109,8 +114,8 @@ class Tools:
         path: str,
         topic: str,
         fields: list[str] | None = None,
-        start: float | None = None,
-        stop: float | None = None,
+        start: _Seconds = None,
+        stop: _Seconds = None,
         rows: Annotated[int, Field(ge=1, le=1000)] = 20,
     ) -> str:
         """Read a topic of a recording: statistics of each column over all samples, and rows spread evenly over time.
@@ -122,17 +127,28 @@ class Tools:
         with self._opened(path) as log:
             return answer(table_of(log, log.samples(topic, start=start, stop=stop, fields=fields), rows))
 
-    def log_plot(self, path: str, fields: list[str], start: float | None = None, stop: float | None = None) -> Image:
+    def log_plot(self, path: str, fields: _Named, start: _Seconds = None, stop: _Seconds = None) -> Image:
         """Draw fields of a recording over time, with the flight modes behind them, as a PNG.
 
         `fields` are vehicle_local_position.z, vehicle_attitude.q or sensor_gps[1].eph; those of one unit share a panel.
-        `start` and `stop` are in s after the start of the recording.
+        `start` and `stop` are in s after the start of the recording. `log_picture` draws step responses and spectra.
         """
         with self._opened(path) as log:
             series = plot.read_series(log, fields, start=start, stop=stop)
             if len(series) > _MOST_LINES:
                 raise RecordingError(f"these are {len(series)} lines, up to {_MOST_LINES} are drawn: name fewer fields")
             return Image(data=plot.render(plot.draw_series(log, series, start=start, stop=stop), "png"), format="png")
+
+    def log_picture(self, path: str, kind: KIND, start: _Seconds = None, stop: _Seconds = None) -> list[str | Image]:
+        """Analyse a flight: step responses of its control loops, spectra of its sensors and more, as a PNG and texts.
+
+        The texts say what was found, such as delay and overshoot of each loop or the strongest tones, or why nothing
+        can be said. `start` and `stop` are in s after the start of the recording.
+        """
+        with self._opened(path) as log:
+            figure, texts, unsaid = draw(log, kind, (), Span(start, stop))
+            image = [] if figure is None else [Image(data=plot.render(figure, "png"), format="png")]
+            return [answer({"found": texts, "unsaid": unsaid}), *image]
 
     def doctor(self, topics: list[str] | None = None, seconds: Annotated[float, Field(ge=1.0, le=30.0)] = 5.0) -> str:
         """Watch the vehicle for some seconds, and find out why nothing arrives, or why it does not follow setpoints.
@@ -167,6 +183,7 @@ def _errors(path: str) -> Iterator[None]:
 TOOLS = (
     *(Tools.explain, Tools.definition, Tools.search, Tools.doctor),
     *(Tools.recordings, Tools.log_info, Tools.log_findings, Tools.log_query, Tools.log_plot),
+    Tools.log_picture,
 )
 """All tools."""
 

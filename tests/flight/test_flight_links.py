@@ -74,14 +74,16 @@ class Hops(Executor):
         self.end = asyncio.Event()
 
     async def run(self) -> None:
-        await self.takeoff(1.5)
-        self.done.append("takeoff")
-        await self.fly()
-        self.done.append("hop")
-        await self.land()
-        await self.wait_disarmed()
-        self.done.append("landed")
-        self.end.set()
+        try:
+            await self.takeoff(1.5)
+            self.done.append("takeoff")
+            await self.fly()
+            self.done.append("hop")
+            await self.land()
+            await self.wait_disarmed()
+            self.done.append("landed")
+        finally:
+            self.end.set()
 
 
 class Rests(Mode, name="Rests"):

@@ -18,6 +18,7 @@ from mcp.server.mcpserver.exceptions import ToolError, UnexpectedToolError
 
 from fuzz.conversions import KINDS, damaged, files_of
 from fuzz.payloads import targets
+from msggen.exports.pictures import PICTURES
 from msggen.mcp.answers import LONGEST
 from msggen.mcp.server import TOOLS
 from support.assistant import server
@@ -29,7 +30,8 @@ MEMORY = 1 << 30
 """The tools run in threads, each of which reserves addresses."""
 
 TEXTS = ("explain",)
-"""The tools that answer with text. `log_plot` answers with a picture, all others with JSON."""
+"""The tools that answer with text. `log_plot` answers with a picture, all others with JSON, some with a picture behind
+it."""
 _HIDDEN = "hidden"
 _LARGEST = 4 << 20
 """The most characters of a picture."""
@@ -78,6 +80,8 @@ def _value(chance: Random, name: str, kind: str) -> Any:
         return chance.choice((*_OTHERS, *_NUMBERS, *_WORDS))
     if name == "path":
         return kind if chance.random() < 0.7 else chance.choice(_PATHS)
+    if name == "kind":
+        return chance.choice([*PICTURES])
     if name in ("start", "stop", "seconds", "rows"):
         return chance.choice(_NUMBERS)
     words = _WORDS if chance.random() < 0.5 else _WORDS[:7]
@@ -132,11 +136,12 @@ def _ask(case: Case, own: Path, temporary: Path) -> None:
         assert len(text) < 2000, text
         assert "Traceback" not in text
     else:
-        (content,) = found.content
+        *pictures, last = reversed(found.content)
+        assert all(len(each.data) < _LARGEST for each in pictures)
         if case.tool == "log_plot":
-            assert len(content.data) < _LARGEST
+            assert len(last.data) < _LARGEST
             return
-        text = content.text
+        text = last.text
         assert len(text) <= LONGEST
         assert case.tool in TEXTS or json.loads(text) is not None
     finally:

@@ -7,7 +7,7 @@ import base64
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,13 +16,15 @@ from mcp import Client
 from msggen import recordings
 from msggen.base.diagnostics import InputError
 from msggen.cli import main
+from msggen.exports.pictures import PICTURES
 from msggen.mcp.answers import LONGEST, answer
 from msggen.mcp.definitions import Definitions
 from msggen.mcp.places import Places
-from msggen.mcp.server import TOOLS
+from msggen.mcp.server import KIND, TOOLS
 from support.assistant import call, error, image, server, text, told
 from support.catalogs import write_definitions
 from support.log_files import Written, write_log
+from support.moving import write_moving
 from support.written import write_recording
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -170,6 +172,19 @@ def test_a_plot_is_a_picture(here: Path, px4_types: Any) -> None:
     assert "name fewer fields" in error(server(str(here)), "log_plot", path="flight.mcap", fields=wide)
 
 
+def test_a_picture_has_its_texts(here: Path, px4_types: Any) -> None:
+    """Here they say why there is none: nothing flies."""
+    assert [*get_args(KIND)] == [*PICTURES]
+    said: Any
+    (said,) = call(server(str(here)), "log_picture", path="flight.mcap", kind="step-response").content
+    assert "roll: the recording has no vehicle_attitude" in json.loads(said.text)["unsaid"][0]
+    write_moving(here / "moved.mcap", px4_types)
+    drawn: Any
+    said, drawn = call(server(str(here)), "log_picture", path="moved.mcap", kind="spectrum").content
+    assert "Hz" in json.loads(said.text)["found"][0]
+    assert base64.b64decode(drawn.data).startswith(PNG)
+
+
 # errors and limits
 
 
@@ -183,6 +198,8 @@ def test_a_plot_is_a_picture(here: Path, px4_types: Any) -> None:
         ("log_query", {"path": "flight.mcap", "topic": "vehicle_status", "rows": 10**6}, "log_query: rows: "),
         ("log_query", {"path": "flight.mcap", "topic": "vehicle_status", "begin": 1}, "unknown argument 'begin'"),
         ("log_plot", {"path": "notes.txt", "fields": ["a.b"]}, "R102 is not a recording"),
+        ("log_plot", {"path": "flight.mcap", "fields": []}, "log_plot: fields: "),
+        ("log_picture", {"path": "flight.mcap", "kind": "spectra"}, "log_picture: kind: "),
         ("doctor", {"seconds": 1e9}, "doctor: seconds: "),
     ],
 )

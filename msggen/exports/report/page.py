@@ -21,7 +21,7 @@ from msggen.analysis.finding import Findings
 from msggen.analysis.findings import findings_of
 from msggen.analysis.flight import Flight, flight_of
 from msggen.analysis.recorded import Recorded
-from msggen.analysis.rules.table import TOPICS
+from msggen.analysis.rules.table import FLIGHT, TOPICS
 from msggen.analysis.timeline import Timeline
 from msggen.base.diagnostics import few
 from msggen.base.disk.resources import resource, template_text
@@ -174,6 +174,16 @@ class Page(Shell):
     def findings(self) -> Findings:
         """What a reader should know at once, and what the recording does not tell."""
         return findings_of(self.flight)
+
+    @property
+    def unsaid(self) -> set[str]:
+        """The IDs of the rules that cannot say anything."""
+        return {silence.rule.id for silence in self.findings.silences}
+
+    @property
+    def rules(self) -> int:
+        """The number of rules that were asked."""
+        return len(FLIGHT)
 
     @cached_property
     def track(self) -> Drawing | None:

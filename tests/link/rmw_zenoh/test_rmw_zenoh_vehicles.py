@@ -236,7 +236,7 @@ def test_nothing_is_sent_to_a_vehicle_that_is_silent(space: Space) -> None:
     space.token(STATUS)
     route = space.all(Opened)[0].route
     space.now += STILL_NS + 1
-    with pytest.raises(StaleError, match="nothing has arrived from the vehicle for more than 0.5 s"):
+    with pytest.raises(StaleError, match=r"nothing has arrived from the vehicle for more than 0\.5 s"):
         space.vehicles.key_to(space.remote, route, space.now)
 
 
