@@ -49,6 +49,8 @@ TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
 BY_DAY = {"reading"}
 """The page for each run; the others are for the night: by day, tests of their own run the same commands."""
+ELSEWHERE = {"assistants", "plots"}
+"""The pages that tests of their own run: they need a program of the page, or a recording of a real flight."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
 
@@ -61,7 +63,8 @@ def home() -> Iterator[Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=[] if page in BY_DAY else pytest.mark.night) for page in PAGES]
+    "page",
+    [pytest.param(page, marks=[] if page in BY_DAY else pytest.mark.night) for page in PAGES if page not in ELSEWHERE],
 )
 def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path) -> None:
     for program in TOOLS.get(page, ()):
