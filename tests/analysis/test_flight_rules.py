@@ -82,8 +82,13 @@ def local(**more: Any) -> Fields:
     return {"v_z_valid": True, "xy_valid": True, **more}
 
 
+def sensed(distance: float, speed: float) -> Fields:
+    return local(dist_bottom_valid=True, dist_bottom=float(distance), vz=speed)
+
+
 HOVER = motors(0.5, 0.5, 0.5, 0.5)
-ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.5 < time < 15.7 else -9.8)}}
+ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.35 < time < 15.75 else -9.8)}}
+TAP = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -80.0 if 15.5 < time < 15.7 else -9.8)}}
 IN_AIR = {"vehicle_land_detected": lambda time: {"landed": time < AIR[0]}}
 STILL_ARMED = {"vehicle_status": lambda time: {"arming_state": 1 + (time >= 2), "vehicle_type": 1, "nav_state": 14}}
 
@@ -337,6 +342,28 @@ def cases(px4_types: Any) -> list[Case]:
             {"vehicle_local_position": when(14, 15.7, local(vz=2.4), local(vz=0.1))},
             {"MPC_LAND_SPEED": 1.5},
         ),
+        Case(  # PX4 tells the contact 6 s after the touch; one sample of a shock is none
+            "LANDING_HARD",
+            {"vehicle_local_position": when(7, 10, local(vz=2.4), local(vz=0.1))},
+            "the vehicle touched down at 2.4 m/s",
+            {"vehicle_local_position": lambda _: local(vz=0.1), **TAP},
+        ),
+        Case(
+            "LANDING_HARD",
+            {"vehicle_local_position": lambda time: sensed(max(10 - time, 0), 2.4 if time < 10 else 0.6)},
+            "the vehicle touched down at 2.4 m/s",
+            {"vehicle_local_position": lambda time: sensed(max(14 - time, 0), 2.4 if time < 12 else 0.6)},
+        ),
+        Case(  # disarmed while it descends, and a contact in flight
+            "LANDING_HARD",
+            {"vehicle_local_position": lambda _: local(vz=2.4)},
+            "the vehicle touched down at 2.4 m/s",
+            {
+                "vehicle_local_position": lambda _: local(vz=2.4),
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 12), "vehicle_type": 1},
+                "vehicle_land_detected": lambda time: {"ground_contact": 8 <= time < 9, "landed": time < 4},
+            },
+        ),
         Case(
             "WIND_HIGH",
             {"wind": when(8, 11, {"windspeed_north": 9.0, "windspeed_east": 12.0}, {})},
@@ -362,7 +389,7 @@ def cases(px4_types: Any) -> list[Case]:
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 38
+CASES = 41
 """The number of cases."""
 
 
