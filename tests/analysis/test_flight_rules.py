@@ -134,6 +134,29 @@ def cases(px4_types: Any) -> list[Case]:
             {},
             level="error",
         ),
+        Case(  # a rover always has ground contact, and `landed` follows its disarming
+            "FLIGHT_STOPPED",
+            {
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 2},
+                "vehicle_land_detected": lambda time: {"landed": not 4 <= time < 10.5},
+            },
+            "the vehicle was disarmed in the air",
+            {
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 3},
+                "vehicle_land_detected": lambda time: {"landed": not 2 <= time < 10.5, "ground_contact": time < 4},
+            },
+            level="error",
+        ),
+        Case(  # it touches the ground, and disarms before the land detector is certain
+            "FLIGHT_STOPPED",
+            {"vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10)}},
+            "the vehicle was disarmed in the air",
+            {
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 1},
+                "vehicle_land_detected": lambda time: {"landed": not 2 <= time < 10.5, "ground_contact": time > 9},
+            },
+            level="error",
+        ),
         Case(
             "FAILURE_DETECTED",
             flags("fd_roll", topic="failure_detector_status"),
@@ -389,7 +412,7 @@ def cases(px4_types: Any) -> list[Case]:
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 41
+CASES = 43
 """The number of cases."""
 
 

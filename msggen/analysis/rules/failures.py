@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from msggen.analysis.finding import FlightRule, Seen
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Category, Severity
+from msggen.messages.vehicle_types import ROVER
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -71,9 +72,11 @@ def _killed(flight: Flight) -> Iterator[Seen]:
             is_flying = any(begin <= stretch.begin <= end for begin, end in flight.in_air)
             text = f"{word} {'in the air' if is_flying else 'on the ground'}"
             yield Seen(text, stretch.begin, stretch.end, {"cause": name}, "" if is_flying else "info")
-    landed = flight.recorded.column("vehicle_land_detected", "landed")
-    for _, end in flight.recorded.armed:
-        if landed and end < flight.duration and landed.value_at(end) == 0:
+    kind = flight.recorded.column("vehicle_status", "vehicle_type")
+    touching = flight.touching
+    for _, end in flight.recorded.armed if touching else ():
+        was_flying = any(end == each for _, each in flight.in_air) and not (touching and touching.value_at(end))
+        if end < flight.duration and was_flying and not (kind and kind.value_at(end) == ROVER):
             yield Seen("the vehicle was disarmed in the air", end)
             return
 
@@ -112,7 +115,7 @@ RULES = (
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="If nobody wanted it, check the switch and its channel (RC_MAP_KILL_SW), and what may terminate a flight: "
         "CBRK_FLIGHTTERM, FD_EXT_ATS_EN, GF_ACTION. If the vehicle had landed, check its land detector.",
-        source="the flags of actuator_armed; disarmed while `landed` of vehicle_land_detected is not set",
+        source="the flags of actuator_armed; disarmed while vehicle_land_detected has no contact, except for rovers",
         example="the kill switch stopped the motors in the air",
     ),
     FlightRule(
