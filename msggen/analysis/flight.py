@@ -105,6 +105,11 @@ class Flight:
             if touching.value_at(end) and landed.within(((end, following),)).values.any()
         )
 
+    def without(self, times: Spans) -> Spans:
+        """Return the recording without some times, which are in order and do not overlap."""
+        begins, ends = (0.0, *(end for _, end in times)), (*(begin for begin, _ in times), self.duration)
+        return tuple(each for each in zip(begins, ends, strict=True) if each[0] < each[1])
+
     def parameter(self, name: str, default: float) -> float:
         """Return the value of a parameter at the start, `default` if the recording does not have a number of it."""
         value = float(self.log.parameters.get(name, default))

@@ -86,6 +86,15 @@ def sensed(distance: float, speed: float) -> Fields:
     return local(dist_bottom_valid=True, dist_bottom=float(distance), vz=speed)
 
 
+def failsafe(begin: float, end: float) -> Values:
+    """Return the status of a vehicle that flies in Offboard mode, with a failsafe."""
+    return lambda time: {
+        **(FLOWN["vehicle_status"](time) or {}),
+        "nav_state": 4 if begin <= time < end else 14,
+        "failsafe": begin <= time < end,
+    }
+
+
 HOVER = motors(0.5, 0.5, 0.5, 0.5)
 ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.35 < time < 15.75 else -9.8)}}
 TAP = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -80.0 if 15.5 < time < 15.7 else -9.8)}}
@@ -189,6 +198,19 @@ def cases(px4_types: Any) -> list[Case]:
             flags("offboard_control_signal_lost"),
             "Offboard mode had no setpoints to follow for 3.0 s",
             flags("offboard_control_signal_lost", 0, 1),
+        ),
+        Case(  # the program stops because the remote control was lost
+            "OFFBOARD_LOST",
+            {**flags("offboard_control_signal_lost"), "vehicle_status": failsafe(5, 13)},
+            "Offboard mode had no setpoints to follow for 3.0 s, after another failsafe began",
+            {**flags("offboard_control_signal_lost", 0, 1), "vehicle_status": failsafe(5, 13)},
+            level="info",
+        ),
+        Case(
+            "OFFBOARD_LOST",
+            {**flags("offboard_control_signal_lost"), "vehicle_status": failsafe(8.5, 13)},
+            "Offboard mode had no setpoints to follow for 3.0 s",
+            {**flags("offboard_control_signal_lost", 0, 1), "vehicle_status": failsafe(8.5, 13)},
         ),
         Case(
             "SETPOINTS_RARE",
@@ -412,7 +434,7 @@ def cases(px4_types: Any) -> list[Case]:
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 43
+CASES = 45
 """The number of cases."""
 
 
