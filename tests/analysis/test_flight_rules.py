@@ -129,6 +129,19 @@ def cases(px4_types: Any) -> list[Case]:
             "failsafe for 3.0 s, in mode Hold, because of gnss_lost",
             flags("gnss_lost", 7),
         ),
+        Case(  # a recording that begins in a failsafe
+            "IN_FAILSAFE",
+            {"vehicle_status": failsafe(0, 11), **flags("gnss_lost", 0)},
+            "failsafe for 9.0 s, in mode Hold, with gnss_lost set",
+            flags("gnss_lost", 0),
+        ),
+        Case(
+            "IN_FAILSAFE",
+            {"vehicle_status": failsafe(0, 1)},
+            "failsafe for 1.0 s while disarmed",
+            {},
+            level="info",
+        ),
         Case(
             "FLIGHT_STOPPED",
             {"actuator_armed": when(8, 9, {"armed": True, "kill": True}, {"armed": True})},
@@ -434,7 +447,7 @@ def cases(px4_types: Any) -> list[Case]:
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 45
+CASES = 47
 """The number of cases."""
 
 
@@ -629,3 +642,13 @@ def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:
     found = findings_in(write_recording(tmp_path / "fix.mcap", samples)).findings
     (seen,) = found
     assert (seen.text, seen.time) == ("the GPS had no fix for 2.0 s", 4.0)
+
+
+def test_a_failsafe_that_begins_with_the_last_sample_counts_if_armed(tmp_path: Path, px4_types: Any) -> None:
+    for state, expected in ((2, ("failsafe for 0.0 s", "warning")), (1, ("failsafe for 0.0 s while disarmed", "info"))):
+        samples = [
+            ("/fmu/out/vehicle_status", float(step), px4_types.VehicleStatus(arming_state=state, failsafe=step == 9))
+            for step in range(10)
+        ]
+        (seen,) = findings_in(write_recording(tmp_path / f"{state}.mcap", samples)).findings
+        assert (seen.text.partition(",")[0], seen.level) == expected
