@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import lzma
 import math
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -652,3 +653,11 @@ def test_a_failsafe_that_begins_with_the_last_sample_counts_if_armed(tmp_path: P
         ]
         (seen,) = findings_in(write_recording(tmp_path / f"{state}.mcap", samples)).findings
         assert (seen.text.partition(",")[0], seen.level) == expected
+
+
+@pytest.mark.parametrize(("milliseconds", "level"), [((30,), "info"), ((30, 30, 50), "warning"), ((100,), "warning")])
+def test_a_short_dropout_is_a_note(milliseconds: tuple[int, ...], level: str, tmp_path: Path, px4_types: Any) -> None:
+    path = write_flight(tmp_path / "short", px4_types, FLOWN, {})
+    path.write_bytes(path.read_bytes() + b"".join(struct.pack("<HBH", 2, ord("O"), each) for each in milliseconds))
+    (seen,) = [each for each in findings_in(path).findings if each.rule.id == "LOG_DROPOUTS"]
+    assert (seen.level, seen.values["limit_s"]) == (level, 0.1)
