@@ -74,12 +74,41 @@ class Flight:
     @cached_property
     def in_air(self) -> Spans:
         """The times in which the vehicle was armed and did not touch the ground; while armed if that is not told."""
+        touching = self.touching
+        return (
+            common(self.recorded.armed, self.when(touching, touching.values == 0)) if touching else self.recorded.armed
+        )
+
+    @cached_property
+    def touching(self) -> Column | None:
+        """Whether a flag of the land detector tells that the vehicle touches the ground, None without such a flag."""
         fields = (self.recorded.column("vehicle_land_detected", each) for each in _TOUCHING)
         found = [column for column in fields if column is not None]
         if not found:
-            return self.recorded.armed
-        touching = np.any([column.values > 0 for column in found], axis=0)
-        return common(self.recorded.armed, self.when(found[0], ~touching))
+            return None
+        values = np.any([column.values > 0 for column in found], axis=0).astype(np.float64)
+        return found[0]._replace(values=values, path="vehicle_land_detected")
+
+    @cached_property
+    def landings(self) -> Spans:
+        """The times in the air that end with a touch of the ground, after which the vehicle has landed.
+
+        Disarming in the air is no landing, nor is a contact after which the vehicle flies on.
+        """
+        touching, landed = self.touching, self.recorded.column("vehicle_land_detected", "landed")
+        if touching is None or landed is None:
+            return ()
+        follows = [*(begin for begin, _ in self.in_air[1:]), self.duration]
+        return tuple(
+            (begin, end)
+            for (begin, end), following in zip(self.in_air, follows, strict=False)
+            if touching.value_at(end) and landed.within(((end, following),)).values.any()
+        )
+
+    def without(self, times: Spans) -> Spans:
+        """Return the recording without some times, which are in order and do not overlap."""
+        begins, ends = (0.0, *(end for _, end in times)), (*(begin for begin, _ in times), self.duration)
+        return tuple(each for each in zip(begins, ends, strict=True) if each[0] < each[1])
 
     def parameter(self, name: str, default: float) -> float:
         """Return the value of a parameter at the start, `default` if the recording does not have a number of it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import lzma
 import math
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -82,8 +83,22 @@ def local(**more: Any) -> Fields:
     return {"v_z_valid": True, "xy_valid": True, **more}
 
 
+def sensed(distance: float, speed: float) -> Fields:
+    return local(dist_bottom_valid=True, dist_bottom=float(distance), vz=speed)
+
+
+def failsafe(begin: float, end: float) -> Values:
+    """Return the status of a vehicle that flies in Offboard mode, with a failsafe."""
+    return lambda time: {
+        **(FLOWN["vehicle_status"](time) or {}),
+        "nav_state": 4 if begin <= time < end else 14,
+        "failsafe": begin <= time < end,
+    }
+
+
 HOVER = motors(0.5, 0.5, 0.5, 0.5)
-ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.5 < time < 15.7 else -9.8)}}
+ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.35 < time < 15.75 else -9.8)}}
+TAP = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -80.0 if 15.5 < time < 15.7 else -9.8)}}
 IN_AIR = {"vehicle_land_detected": lambda time: {"landed": time < AIR[0]}}
 STILL_ARMED = {"vehicle_status": lambda time: {"arming_state": 1 + (time >= 2), "vehicle_type": 1, "nav_state": 14}}
 
@@ -115,6 +130,19 @@ def cases(px4_types: Any) -> list[Case]:
             "failsafe for 3.0 s, in mode Hold, because of gnss_lost",
             flags("gnss_lost", 7),
         ),
+        Case(  # a recording that begins in a failsafe
+            "IN_FAILSAFE",
+            {"vehicle_status": failsafe(0, 11), **flags("gnss_lost", 0)},
+            "failsafe for 9.0 s, in mode Hold, with gnss_lost set",
+            flags("gnss_lost", 0),
+        ),
+        Case(
+            "IN_FAILSAFE",
+            {"vehicle_status": failsafe(0, 1)},
+            "failsafe for 1.0 s while disarmed",
+            {},
+            level="info",
+        ),
         Case(
             "FLIGHT_STOPPED",
             {"actuator_armed": when(8, 9, {"armed": True, "kill": True}, {"armed": True})},
@@ -127,6 +155,29 @@ def cases(px4_types: Any) -> list[Case]:
             {"vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 1}},
             "the vehicle was disarmed in the air",
             {},
+            level="error",
+        ),
+        Case(  # a rover always has ground contact, and `landed` follows its disarming
+            "FLIGHT_STOPPED",
+            {
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 2},
+                "vehicle_land_detected": lambda time: {"landed": not 4 <= time < 10.5},
+            },
+            "the vehicle was disarmed in the air",
+            {
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 3},
+                "vehicle_land_detected": lambda time: {"landed": not 2 <= time < 10.5, "ground_contact": time < 4},
+            },
+            level="error",
+        ),
+        Case(  # it touches the ground, and disarms before the land detector is certain
+            "FLIGHT_STOPPED",
+            {"vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10)}},
+            "the vehicle was disarmed in the air",
+            {
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 10), "vehicle_type": 1},
+                "vehicle_land_detected": lambda time: {"landed": not 2 <= time < 10.5, "ground_contact": time > 9},
+            },
             level="error",
         ),
         Case(
@@ -161,6 +212,19 @@ def cases(px4_types: Any) -> list[Case]:
             flags("offboard_control_signal_lost"),
             "Offboard mode had no setpoints to follow for 3.0 s",
             flags("offboard_control_signal_lost", 0, 1),
+        ),
+        Case(  # the program stops because the remote control was lost
+            "OFFBOARD_LOST",
+            {**flags("offboard_control_signal_lost"), "vehicle_status": failsafe(5, 13)},
+            "Offboard mode had no setpoints to follow for 3.0 s, after another failsafe began",
+            {**flags("offboard_control_signal_lost", 0, 1), "vehicle_status": failsafe(5, 13)},
+            level="info",
+        ),
+        Case(
+            "OFFBOARD_LOST",
+            {**flags("offboard_control_signal_lost"), "vehicle_status": failsafe(8.5, 13)},
+            "Offboard mode had no setpoints to follow for 3.0 s",
+            {**flags("offboard_control_signal_lost", 0, 1), "vehicle_status": failsafe(8.5, 13)},
         ),
         Case(
             "SETPOINTS_RARE",
@@ -337,6 +401,28 @@ def cases(px4_types: Any) -> list[Case]:
             {"vehicle_local_position": when(14, 15.7, local(vz=2.4), local(vz=0.1))},
             {"MPC_LAND_SPEED": 1.5},
         ),
+        Case(  # PX4 tells the contact 6 s after the touch; one sample of a shock is none
+            "LANDING_HARD",
+            {"vehicle_local_position": when(7, 10, local(vz=2.4), local(vz=0.1))},
+            "the vehicle touched down at 2.4 m/s",
+            {"vehicle_local_position": lambda _: local(vz=0.1), **TAP},
+        ),
+        Case(
+            "LANDING_HARD",
+            {"vehicle_local_position": lambda time: sensed(max(10 - time, 0), 2.4 if time < 10 else 0.6)},
+            "the vehicle touched down at 2.4 m/s",
+            {"vehicle_local_position": lambda time: sensed(max(14 - time, 0), 2.4 if time < 12 else 0.6)},
+        ),
+        Case(  # disarmed while it descends, and a contact in flight
+            "LANDING_HARD",
+            {"vehicle_local_position": lambda _: local(vz=2.4)},
+            "the vehicle touched down at 2.4 m/s",
+            {
+                "vehicle_local_position": lambda _: local(vz=2.4),
+                "vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 12), "vehicle_type": 1},
+                "vehicle_land_detected": lambda time: {"ground_contact": 8 <= time < 9, "landed": time < 4},
+            },
+        ),
         Case(
             "WIND_HIGH",
             {"wind": when(8, 11, {"windspeed_north": 9.0, "windspeed_east": 12.0}, {})},
@@ -362,7 +448,7 @@ def cases(px4_types: Any) -> list[Case]:
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 38
+CASES = 47
 """The number of cases."""
 
 
@@ -557,3 +643,21 @@ def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:
     found = findings_in(write_recording(tmp_path / "fix.mcap", samples)).findings
     (seen,) = found
     assert (seen.text, seen.time) == ("the GPS had no fix for 2.0 s", 4.0)
+
+
+def test_a_failsafe_that_begins_with_the_last_sample_counts_if_armed(tmp_path: Path, px4_types: Any) -> None:
+    for state, expected in ((2, ("failsafe for 0.0 s", "warning")), (1, ("failsafe for 0.0 s while disarmed", "info"))):
+        samples = [
+            ("/fmu/out/vehicle_status", float(step), px4_types.VehicleStatus(arming_state=state, failsafe=step == 9))
+            for step in range(10)
+        ]
+        (seen,) = findings_in(write_recording(tmp_path / f"{state}.mcap", samples)).findings
+        assert (seen.text.partition(",")[0], seen.level) == expected
+
+
+@pytest.mark.parametrize(("milliseconds", "level"), [((30,), "info"), ((30, 30, 50), "warning"), ((100,), "warning")])
+def test_a_short_dropout_is_a_note(milliseconds: tuple[int, ...], level: str, tmp_path: Path, px4_types: Any) -> None:
+    path = write_flight(tmp_path / "short", px4_types, FLOWN, {})
+    path.write_bytes(path.read_bytes() + b"".join(struct.pack("<HBH", 2, ord("O"), each) for each in milliseconds))
+    (seen,) = [each for each in findings_in(path).findings if each.rule.id == "LOG_DROPOUTS"]
+    assert (seen.level, seen.values["limit_s"]) == (level, 0.1)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from msggen.analysis.finding import FlightRule, Seen
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Category, Severity
+from msggen.messages.vehicle_types import ROVER
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -30,31 +31,57 @@ _STOPS = {
 
 
 def _failsafes(flight: Flight) -> Iterator[Seen]:
-    found = flight.timeline.failsafes
-    for begin, end in found[:MOST_FAILSAFES]:
-        mode, causes, told = flight.timeline.mode_at(begin), _causes(flight, begin), _told(flight, begin)
-        text = f"failsafe for {end - begin:.1f} s" + (f", in mode {mode}" if mode else "")
-        text += (f", because of {few(causes)}" if causes else "") + (f', with the text "{told}"' if told else "")
+    every = [(each, _armed(flight, each)) for each in flight.timeline.failsafes]
+    found = [(each, seconds) for each, seconds in every if seconds is not None]
+    for (begin, end), seconds in found[:MOST_FAILSAFES]:
+        mode, told = flight.timeline.mode_at(begin), _told(flight, begin)
+        rose, is_set = _causes(flight, begin)
+        text = f"failsafe for {seconds:.1f} s" + (f", in mode {mode}" if mode else "")
+        text += f", because of {few(rose)}" if rose else f", with {few(is_set)} set" if is_set else ""
+        text += f', with the text "{told}"' if told else ""
         values: dict[str, float | str] = {
-            "duration_s": end - begin,
+            "duration_s": seconds,
             "mode": mode,
-            "causes": ", ".join(causes),
+            "causes": ", ".join(rose or is_set),
             "message": told,
         }
         yield Seen(text, begin, end, values)
     if rest := found[MOST_FAILSAFES:]:
-        seconds = sum(end - begin for begin, end in rest)
+        seconds = sum(each for _, each in rest)
         text = f"{counted(len(rest), 'more failsafe')}, {seconds:.1f} s in all"
-        yield Seen(text, rest[0][0], rest[-1][1], {"failsafes": len(rest), "duration_s": seconds})
+        yield Seen(text, rest[0][0][0], rest[-1][0][1], {"failsafes": len(rest), "duration_s": seconds})
+    if disarmed := [each for each, armed in every if armed is None]:
+        seconds = sum(end - begin for begin, end in disarmed)
+        text = f"failsafe for {seconds:.1f} s while disarmed"
+        yield Seen(text, disarmed[0][0], disarmed[-1][1], {"duration_s": seconds}, "info")
 
 
-def _causes(flight: Flight, begin: float) -> list[str]:
-    """Return the flags of `failsafe_flags` that rose when a failsafe began, or before it."""
+def _armed(flight: Flight, span: tuple[float, float]) -> float | None:
+    """Return the time in s of a failsafe in which the vehicle was armed, None if it was not.
+
+    It is 0 for one that begins with the last sample.
+    """
+    from msggen.analysis.flight import common
+
+    armed = flight.recorded.armed
+    found = common((span,), armed)
+    is_last = span[0] == span[1] and bool(armed) and span[0] <= armed[-1][1]
+    return sum(end - begin for begin, end in found) if found or is_last else None
+
+
+def _causes(flight: Flight, begin: float) -> tuple[list[str], list[str]]:
+    """Return the flags of `failsafe_flags` that rose when a failsafe began, or before it.
+
+    Of a failsafe that began before the recording, it is unknown which ones rose: the second list has those that are
+    set.
+    """
     names = [*flight.recorded.flags(_FLAGS)[:_MOST_FLAGS], _WARNING]
     columns = {name: column for name in names if (column := flight.recorded.column(_FLAGS, name))}
-    return [
-        name for name, column in columns.items() if column.value_at(begin + _AFTER) > column.value_at(begin - _BEFORE)
-    ]
+    after = {name: column.value_at(begin + _AFTER) for name, column in columns.items()}
+    rose = [name for name, column in columns.items() if after[name] > column.value_at(begin - _BEFORE)]
+    states = flight.recorded.column("vehicle_status", "failsafe")
+    is_first = states is not None and begin <= states.times[0]
+    return rose, [name for name, value in after.items() if value > 0] if is_first else []
 
 
 def _told(flight: Flight, begin: float) -> str:
@@ -71,9 +98,11 @@ def _killed(flight: Flight) -> Iterator[Seen]:
             is_flying = any(begin <= stretch.begin <= end for begin, end in flight.in_air)
             text = f"{word} {'in the air' if is_flying else 'on the ground'}"
             yield Seen(text, stretch.begin, stretch.end, {"cause": name}, "" if is_flying else "info")
-    landed = flight.recorded.column("vehicle_land_detected", "landed")
-    for _, end in flight.recorded.armed:
-        if landed and end < flight.duration and landed.value_at(end) == 0:
+    kind = flight.recorded.column("vehicle_status", "vehicle_type")
+    touching = flight.touching
+    for _, end in flight.recorded.armed if touching else ():
+        was_flying = any(end == each for _, each in flight.in_air) and not (touching and touching.value_at(end))
+        if end < flight.duration and was_flying and not (kind and kind.value_at(end) == ROVER):
             yield Seen("the vehicle was disarmed in the air", end)
             return
 
@@ -100,7 +129,8 @@ RULES = (
         needs=(("vehicle_status.failsafe",),),
         uses=(_FLAGS,),
         fix="Look at the texts and events before it, which name the cause, and at the flags of `failsafe_flags`.",
-        source="`failsafe` of vehicle_status; its cause is what rose in `failsafe_flags` from 10 s before on",
+        source="`failsafe` of vehicle_status; its cause is what rose in `failsafe_flags` from 10 s before on, or "
+        "what is set if the recording begins in a failsafe. A note while disarmed",
         example="failsafe for 3.0 s, in mode Hold, because of manual_control_signal_lost",
     ),
     FlightRule(
@@ -112,7 +142,7 @@ RULES = (
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="If nobody wanted it, check the switch and its channel (RC_MAP_KILL_SW), and what may terminate a flight: "
         "CBRK_FLIGHTTERM, FD_EXT_ATS_EN, GF_ACTION. If the vehicle had landed, check its land detector.",
-        source="the flags of actuator_armed; disarmed while `landed` of vehicle_land_detected is not set",
+        source="the flags of actuator_armed; disarmed while vehicle_land_detected has no contact, except for rovers",
         example="the kill switch stopped the motors in the air",
     ),
     FlightRule(

@@ -13,6 +13,7 @@ from msggen.messages.nav_states import OFFBOARD
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight, Spans
+    from msggen.analysis.recorded import Column
 
 _MANUAL = "failsafe_flags.manual_control_signal_lost", "vehicle_status.rc_signal_lost"
 _GROUND = "failsafe_flags.gcs_connection_lost", "vehicle_status.gcs_connection_lost", "vehicle_status.data_link_lost"
@@ -39,13 +40,25 @@ def _offboard(flight: Flight) -> Spans:
 
 
 def _offboard_lost(flight: Flight) -> Iterator[Seen]:
+    from msggen.analysis.flight import common
+
     flag = flight.first(("failsafe_flags.offboard_control_signal_lost", "vehicle_status.offboard_control_signal_lost"))
     there = flag._replace(values=1 - flag.values).since_above(0) if flag else None
-    stretch = flight.below(there, 1, _with_failsafe(flight))
-    if stretch and stretch.seconds > 0:
-        allowed = flight.parameter("COM_OF_LOSS_T", 1.0)
-        text = f"Offboard mode had no setpoints to follow for {stretch.seconds:.1f} s"
-        yield Seen(text, stretch.begin, stretch.end, {"lost_s": stretch.seconds, "limit_s": allowed})
+    if not flag or not there:
+        return
+    chosen, others = _with_failsafe(flight), _of_others(flight, flag)
+    allowed = flight.parameter("COM_OF_LOSS_T", 1.0)
+    for within, level in ((common(chosen, flight.without(others)), ""), (common(chosen, others), "info")):
+        stretch = flight.below(there, 1, within)
+        if stretch and stretch.seconds > 0:
+            text = f"Offboard mode had no setpoints to follow for {stretch.seconds:.1f} s"
+            text += ", after another failsafe began" if level else ""
+            yield Seen(text, stretch.begin, stretch.end, {"lost_s": stretch.seconds, "limit_s": allowed}, level)
+
+
+def _of_others(flight: Flight, flag: Column) -> Spans:
+    """Return the failsafes that began when setpoints were there: a program may stop because of them."""
+    return tuple(each for each in flight.timeline.failsafes if not flag.value_at(each[0] + _RARE))
 
 
 def _with_failsafe(flight: Flight) -> Spans:
@@ -112,7 +125,7 @@ RULES = (
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="Look whether the program stopped or its link broke, and at the other findings of that time. "
         "COM_OBL_RC_ACT is what the vehicle does.",
-        source="PX4's own flag, which COM_OF_LOSS_T decides, 1 s by default",
+        source="PX4's own flag, which COM_OF_LOSS_T decides, 1 s by default. A note in a failsafe that began before",
         example="Offboard mode had no setpoints to follow for 4.0 s",
     ),
     FlightRule(

@@ -19,6 +19,8 @@ _HEIGHT = 1.0
 """The height in m from which a vehicle is in the air: the estimate of a vehicle that stands drifts by less."""
 _CURRENT = 2.0
 """The age in s up to which an estimate is that of the end."""
+_MISSING = 0.1
+"""The time in s in all from which dropouts matter: single ones of some 30 ms are normal for SD cards."""
 _SEVERE = ("emergency", "alert", "critical", "error")
 
 
@@ -39,8 +41,9 @@ def _dropouts(flight: Flight) -> Iterator[Seen]:
     seconds = [each.duration / 1e9 for each in log.dropouts]
     lost = f"{sum(seconds):.2f} s are missing, at most {max(seconds):.2f} s at a time"
     begin, last = ((each.time - log.start) / 1e9 for each in (log.dropouts[0], log.dropouts[-1]))
-    values = {"dropouts": len(seconds), "missing_s": sum(seconds), "longest_s": max(seconds)}
-    yield Seen(f"{counted(len(seconds), 'dropout')} of the logger: {lost}", begin, last + seconds[-1], values)
+    values = {"dropouts": len(seconds), "missing_s": sum(seconds), "longest_s": max(seconds), "limit_s": _MISSING}
+    level = "" if sum(each.duration for each in log.dropouts) >= _MISSING * 1e9 else "info"
+    yield Seen(f"{counted(len(seconds), 'dropout')} of the logger: {lost}", begin, last + seconds[-1], values, level)
 
 
 def _end(flight: Flight) -> Iterator[Seen]:
@@ -112,7 +115,7 @@ RULES = (
         _dropouts,
         severity=Severity.WARNING,
         fix="Use a faster SD card, format it, or log fewer topics, which SDLOG_PROFILE selects.",
-        source="the dropouts that PX4's logger writes into the log",
+        source="the dropouts that PX4's logger writes into the log. A note below 0.1 s in all",
         example="2 dropouts of the logger: 0.30 s are missing, at most 0.20 s at a time",
     ),
     FlightRule(
