@@ -60,6 +60,11 @@ def flags(name: str, begin: float = 8, end: float = 11, topic: str = "failsafe_f
     return {topic: when(begin, end, {name: True}, {name: False})}
 
 
+def status(**more: Any) -> dict[str, Values]:
+    """Return the status of a vehicle that flies, with other values."""
+    return {"vehicle_status": lambda time: {**(FLOWN["vehicle_status"](time) or {}), **more}}
+
+
 def motors(*control: float) -> Fields:
     return {"control": (*control, *[math.nan] * (12 - len(control)))}
 
@@ -82,6 +87,15 @@ def local(**more: Any) -> Fields:
     return {"v_z_valid": True, "xy_valid": True, **more}
 
 
+FORWARD: Mapping[str, Values] = {
+    "vehicle_status": lambda time: {
+        "arming_state": 1 + (2 <= time < 18),
+        "vehicle_type": 1 + (9 <= time < 12),
+        "is_vtol": True,
+        "in_transition_mode": 8 <= time < 9,
+    }
+}
+"""A VTOL that flies forward for a time."""
 HOVER = motors(0.5, 0.5, 0.5, 0.5)
 ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.5 < time < 15.7 else -9.8)}}
 IN_AIR = {"vehicle_land_detected": lambda time: {"landed": time < AIR[0]}}
@@ -358,11 +372,38 @@ def cases(px4_types: Any) -> list[Case]:
             {"cpuload": lambda _: {"ram_usage": 0.93}},
             {"COM_RAM_MAX": -1.0},
         ),
+        Case(
+            "MOTOR_SATURATED",
+            {"actuator_motors": when(4, 12, motors(1, 0.5, 0.5, 0.5), HOVER)},
+            "motor 1 was at its limit for 8.0 s, 50 % of the time armed",
+            {"actuator_motors": lambda _: motors(1, 0.5, 0.5, 0.5), **status(vehicle_type=2)},
+        ),
+        Case(
+            "MOTOR_SATURATED",
+            {"actuator_motors": when(4, 7, motors(1, 0.5, 0.5, 0.5, 1), motors(0.5, 0.5, 0.5, 0.5, 1)), **FORWARD},
+            "motor 1 was at its limit for 3.0 s, 25 % of the time armed",
+            {"actuator_motors": when(8, 12, motors(1, 0.5, 0.5, 0.5, 1), motors(0.5, 0.5, 0.5, 0.5, 1)), **FORWARD},
+            {"CA_ROTOR4_AX": 1.0, "CA_ROTOR4_AZ": 0.0},
+        ),
+        Case(
+            "MOTOR_STOPPED",
+            {"actuator_motors": when(8, 9, motors(-0.5, 0, -0.5, -0.5), motors(-0.5, -0.5, -0.5, -0.5))},
+            "motor 2 was stopped in flight for 1.0 s while others turned",
+            {"actuator_motors": when(8, 9, motors(0.5, -1, 0.5, 0.5), HOVER)},
+            level="error",
+        ),
+        Case(
+            "ESC_FAILED",
+            {"esc_status": when(3, 5, escs(px4_types, failures=1 << 5), healthy)},
+            "the ESC of motor 2 reports motor stuck",
+            {"esc_status": when(3, 4, escs(px4_types, 13, failures=1), healthy)},
+            level="error",
+        ),
     ]
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 38
+CASES = 42
 """The number of cases."""
 
 
@@ -540,7 +581,8 @@ def test_the_time_between_two_flights_does_not_count(tmp_path: Path, px4_types: 
     status, motors = px4_types.VehicleStatus, px4_types.ActuatorMotors
     armed = [2 <= step < 6 or 20 <= step < 24 for step in range(30)]
     samples = [
-        ("/fmu/out/vehicle_status", float(step), status(arming_state=1 + each)) for step, each in enumerate(armed)
+        ("/fmu/out/vehicle_status", float(step), status(arming_state=1 + each, vehicle_type=1))
+        for step, each in enumerate(armed)
     ]
     samples += [
         ("/fmu/out/actuator_motors", step + 0.5, motors(control=(1.0 if each else math.nan, *[math.nan] * 11)))
