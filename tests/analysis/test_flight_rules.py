@@ -191,7 +191,7 @@ def cases(px4_types: Any) -> list[Case]:
         Case(
             "ACCEL_CLIPPED",
             {"vehicle_imu_status": lambda time: {"accel_clipping": (0, 0, int(time > 9) * 12)}},
-            "the accelerometer of IMU 0 reached its limit 12 times",
+            "the accelerometer of IMU 0 reached its limit 12 times while armed",
             {"vehicle_imu_status": lambda _: {"accel_clipping": (5, 5, 5)}},
         ),
         Case(
@@ -399,11 +399,17 @@ def cases(px4_types: Any) -> list[Case]:
             {"esc_status": when(3, 4, escs(px4_types, 13, failures=1), healthy)},
             level="error",
         ),
+        Case(
+            "ACCEL_CLIPPED",
+            {"vehicle_imu_status": lambda time: {"accel_clipping": (9 * (time < 6) + 3 * (time > 9), 0, time > 19)}},
+            "the accelerometer of IMU 0 reached its limit 3 times while armed",
+            {"vehicle_imu_status": lambda time: {"accel_clipping": (time > 1, 0, time > 19)}},
+        ),
     ]
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 42
+CASES = 43
 """The number of cases."""
 
 
