@@ -474,6 +474,16 @@ def test_topics_that_a_rule_reads_are_those_that_it_names(
             assert findings_of(flight_of(log, rule.topics.__contains__), [rule]) == findings_of(whole, [rule]), rule.id
 
 
+def test_a_vehicle_that_was_never_armed_is_not_said_to_have_flown_well(
+    tmp_path: Path, px4_types: Any, everything: dict[str, Values]
+) -> None:
+    resting = {"vehicle_status": lambda _: {"arming_state": 1}, "actuator_armed": lambda _: {"armed": False}}
+    found = findings_in(write_flight(tmp_path / "resting", px4_types, {**everything, **resting}))
+    unsaid = {each.rule.id for each in found.silences if each.reason == "the vehicle was never armed"}
+    told = {rule.id for rule in FLIGHT if rule.needs} - unsaid
+    assert told == {"IN_FAILSAFE", "BATTERY_LOW", "CPU_LOAD_HIGH", "MEMORY_LOW"}
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 3e38, 0.0])
 def test_values_that_are_no_numbers_or_too_large_are_survived(
     value: float, tmp_path: Path, px4_types: Any, everything: dict[str, Values]
