@@ -59,6 +59,11 @@ class FlightRule(Rule):
         paths = [path for paths in self.needs for path in paths]
         return frozenset(path.partition(".")[0] for path in (*paths, *self.uses))
 
+    @property
+    def is_about_flight(self) -> bool:
+        """Whether it looks only while the vehicle is armed: such rules read what tells that."""
+        return "actuator_armed" in self.topics
+
 
 class Finding(NamedTuple):
     """Something that a reader should know."""

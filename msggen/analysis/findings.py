@@ -33,6 +33,8 @@ def _said(rule: FlightRule, flight: Flight) -> list[Seen | Unsaid]:
     missing = [paths for paths in rule.needs if not any(_has(flight.recorded, path) for path in paths)]
     if missing:
         return [Unsaid(f"the recording has no {_either(paths)}") for paths in missing[:1]]
+    if rule.is_about_flight and not flight.recorded.armed:
+        return [Unsaid("the vehicle was never armed")]
     with np.errstate(all="ignore"):  # damaged samples have values of any size
         return list(rule.find(flight))
 

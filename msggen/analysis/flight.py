@@ -156,6 +156,12 @@ class Flight:
         times: NDArray[np.float64] = column.times[1:][mask]
         return times
 
+    def rises(self, column: Column) -> Column:
+        """Return by how much a counter rose while armed, at the times of the rises. A restart is none."""
+        steps = np.diff(column.values, prepend=np.nan)
+        mask = (steps > 0) & column.is_within(self.recorded.armed)
+        return column._replace(times=column.times[mask], values=steps[mask])
+
     def gaps(self, column: Column, limit: float, within: Spans) -> Spans:
         """Return the times within some spans in which a topic has no sample for longer than a limit in s."""
         times = np.concatenate(([0.0], column.times, [self.duration]))

@@ -24,14 +24,18 @@ _CLASSES = {"sensor_gps": "SensorGps", "vehicle_gps_position": "SensorGps"}
 
 
 def samples_of(package: Any, topics: Mapping[str, Values], end: float = 20.0) -> list[tuple[str, float, Any]]:
-    """Return the name in uORB, the time in s and the message of each sample."""
+    """Return the name in uORB, the time in s and the message of each sample.
+
+    `sensor_gps[1]` is an instance, which only a ULog can have.
+    """
     found = []
     for index in range(round(end * RATE) + 1):
         time = index / RATE
         for topic, values in topics.items():
             fields = values(time)
             if fields is not None:
-                cls = getattr(package, _CLASSES.get(topic) or "".join(map(str.capitalize, topic.split("_"))))
+                name = topic.partition("[")[0]
+                cls = getattr(package, _CLASSES.get(name) or "".join(map(str.capitalize, name.split("_"))))
                 found.append((topic, time, cls(**{"timestamp": round(time * 1e6), **fields})))
     return found
 
@@ -62,7 +66,8 @@ def _write_ulog(path: Path, samples: list[tuple[str, float, Any]], parameters: M
         found = formats_of(f"px4_msgs/msg/{cls}", definition_in("v1.18", cls))
         for inner, fields in found.items():
             writer.format(inner, fields)
-        writer.subscribe(numbers[name], name)
+        topic, _, instance = name.partition("[")
+        writer.subscribe(numbers[name], topic, int(instance.rstrip("]") or 0))
         formats[name] = found[snake(cls)]
     for name, _, message in samples:
         writer.sample(numbers[name], packed(message, formats[name]))

@@ -151,6 +151,7 @@ RULES = (
         Category.FLIGHT,
         _failures,
         needs=(("failure_detector_status",),),
+        uses=("vehicle_status", "actuator_armed"),
         fix="Check motors, propellers and ESCs. FD_FAIL_R and FD_FAIL_P are the largest angles, and CBRK_FLIGHTTERM "
         "says whether PX4 ends the flight.",
         source="the flags of failure_detector_status",

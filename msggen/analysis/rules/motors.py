@@ -10,7 +10,7 @@ from msggen.base.diagnostics import few
 from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
-    from msggen.analysis.flight import Flight
+    from msggen.analysis.flight import Flight, Spans
 
 SATURATED = 0.99
 _MOST = 0.05
@@ -32,11 +32,37 @@ _FAILURES = (
 """The bits of `failures` in an EscReport."""
 
 
-def _saturated(flight: Flight) -> Iterator[Seen]:
-    recorded, armed = flight.recorded, flight.seconds_armed
+def _hovering(flight: Flight) -> Spans:
+    """Return when a multicopter was armed, and a VTOL that did not fly forward; nothing for other vehicles."""
+    from msggen.analysis.flight import common
+
+    names = "vehicle_type", "is_vtol", "in_transition_mode"
+    kind, vtol, transition = (flight.recorded.column("vehicle_status", name) for name in names)
+    armed = flight.recorded.armed
+    if kind is None:
+        return armed
+    is_rotary = kind.values == _ROTARY_WING
+    if not (vtol and vtol.largest > 0):
+        return armed if is_rotary.all() else ()
+    return common(armed, flight.when(kind, is_rotary & ~(transition.at(kind.times) > 0) if transition else is_rotary))
+
+
+def _is_pusher(flight: Flight, index: int) -> bool:
+    """Whether a motor pushes forward, as the axes of the rotors say that control allocation knows."""
+    forward, down = (flight.parameter(f"CA_ROTOR{index}_A{axis}", default) for axis, default in (("X", 0), ("Z", -1)))
+    return abs(forward) > abs(down)
+
+
+def _saturated(flight: Flight) -> Iterator[Seen | Unsaid]:
+    recorded, hovering = flight.recorded, _hovering(flight)
+    armed = sum(end - begin for begin, end in hovering)
+    if not hovering:
+        yield Unsaid("only multicopters, and VTOLs that hover, must not fly at full throttle")
     for index in range(min(recorded.width("actuator_motors", "control"), _MOTORS)):
-        stretch = flight.above(recorded.column("actuator_motors", f"control[{index}]"), SATURATED)
-        if stretch and armed > 0 and stretch.seconds > max(_MOST * armed, _LONGEST):
+        if _is_pusher(flight, index):
+            continue
+        stretch = flight.above(recorded.column("actuator_motors", f"control[{index}]"), SATURATED, hovering)
+        if stretch and stretch.seconds > max(_MOST * armed, _LONGEST):
             share = stretch.seconds / armed
             at = f"{stretch.seconds:.1f} s, {100 * share:.0f} % of the time armed"
             values = {"motor": index + 1, "saturated_s": stretch.seconds, "share": share, "limit": SATURATED}
@@ -54,10 +80,11 @@ def _stopped(flight: Flight) -> Iterator[Seen | Unsaid]:
         for index in range(min(recorded.width("actuator_motors", "control"), _MOTORS))
     )
     columns = [(index, each, each.is_within(flight.in_air)) for index, each in enumerate(found) if each]
-    running = [each for each in columns if (each[1].values[each[2]] > _RUNNING).any()]
-    turning: Any = sum((each.values > _RUNNING).astype(int) for _, each, _ in running)
+    running = [each for each in columns if (abs(each[1].values[each[2]]) > _RUNNING).any()]
+    turning: Any = sum((abs(each.values) > _RUNNING).astype(int) for _, each, _ in running)
     for index, column, is_flying in running:
-        times = flight.when(column, ~(column.values > 0) & (2 * turning >= len(running)) & is_flying)
+        is_zero = ~(abs(column.values) > 0)  # or NaN; a reversible motor turns below 0, too
+        times = flight.when(column, is_zero & (2 * turning >= len(running)) & is_flying)
         long = [each for each in times if each[1] - each[0] >= _STOPPED_S]
         if long:
             seconds = sum(end - begin for begin, end in long)
@@ -79,9 +106,9 @@ def _esc(flight: Flight, index: int, motor: int) -> Iterator[Seen]:
     """Yield what an ESC reports, and what it does not. `index` is its place, `motor` the one that it drives, from 0."""
     recorded = flight.recorded
     failures = recorded.column("esc_status", f"esc[{index}].failures")
-    stretch = flight.above(failures, 0.0)
+    stretch = flight.above(failures, 0.0, flight.in_air)
     if failures and stretch and stretch.seconds > 0:
-        values = failures.within(recorded.armed).values.astype(int)
+        values = failures.within(flight.in_air).values.astype(int)
         bits = [name for bit, name in enumerate(_FAILURES) if (values & (1 << bit)).any()]
         text = f"the ESC of motor {motor + 1} reports {few(bits) or 'a failure'}"
         evidence: dict[str, float | str] = {
@@ -93,14 +120,14 @@ def _esc(flight: Flight, index: int, motor: int) -> Iterator[Seen]:
     online = recorded.column("esc_status", "esc_online_flags")
     if online:
         bit = online._replace(values=online.values // (1 << index) % 2).since_above(0)
-        stretch = flight.below(bit, 1)
+        stretch = flight.below(bit, 1, flight.in_air)
         if stretch and stretch.seconds >= _OFFLINE_S:
             text = f"the ESC of motor {motor + 1} was offline for {stretch.seconds:.1f} s"
             yield Seen(text, stretch.begin, stretch.end, {"motor": motor + 1, "offline_s": stretch.seconds})
     speed = recorded.column("esc_status", f"esc[{index}].esc_rpm")
     command = recorded.column("actuator_motors", f"control[{motor}]")
     if speed and command and (speed.values != 0).any():
-        standing = (speed.values == 0) & (command.at(speed.times) > _RUNNING) & speed.is_within(flight.in_air)
+        standing = (speed.values == 0) & (abs(command.at(speed.times)) > _RUNNING) & speed.is_within(flight.in_air)
         long = [each for each in flight.when(speed, standing) if each[1] - each[0] >= _STOPPED_S]
         if long:
             seconds = sum(end - begin for begin, end in long)
@@ -111,7 +138,7 @@ def _esc(flight: Flight, index: int, motor: int) -> Iterator[Seen]:
 RULES = (
     FlightRule(
         "MOTOR_SATURATED",
-        "a motor was at its limit for long, so the vehicle could not be controlled",
+        "a motor of a multicopter was at its limit for long, so the vehicle could not be controlled",
         Category.FLIGHT,
         _saturated,
         severity=Severity.WARNING,
@@ -119,7 +146,8 @@ RULES = (
         uses=("vehicle_status", "actuator_armed"),
         fix="The vehicle is too heavy, its battery too weak, a propeller or motor is damaged, or its gains are too "
         "high. If it is one motor only, look at that one and the one opposite.",
-        source="99 % of the range for 5 % of the time armed, and for a second",
+        source="99 % of the range for 5 % of the time armed, and for a second, without pushers and forward flight of a "
+        "VTOL",
         example="motor 1 was at its limit for 4.9 s, 100 % of the time armed",
     ),
     FlightRule(
@@ -137,7 +165,7 @@ RULES = (
     ),
     FlightRule(
         "ESC_FAILED",
-        "a motor controller reports a failure, is offline, or its motor stands in flight",
+        "a motor controller reports a failure, is offline, or its motor stands, in flight",
         Category.FLIGHT,
         _escs,
         needs=(("esc_status",),),

@@ -11,6 +11,7 @@ from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
+    from msggen.analysis.recorded import Column
 
 _SAG = 0.1
 """By how much the voltage of a cell in V may be below that of an empty one under load: BAT1_V_LOAD_DROP of v1.14."""
@@ -35,15 +36,26 @@ def _each(find: Callable[[Flight, int], Iterator[Seen | Unsaid]], flight: Flight
         yield from find(flight, instance)
 
 
+def _name(flight: Flight, instance: int) -> str:
+    """Return the name of a battery: with the number in its parameters if there are several."""
+    return f"battery {instance + 1}" if len(list(flight.recorded.batteries())) > 1 else "the battery"
+
+
+def _connected(flight: Flight, field: str, instance: int) -> Column | None:
+    """Return a field of a battery, NaN while it is not connected."""
+    found = flight.recorded.column("battery_status", field, instance)
+    return found.where(flight.recorded.column("battery_status", "connected", instance)) if found else None
+
+
 def _low(flight: Flight, instance: int) -> Iterator[Seen]:
     low, critical = flight.parameter("BAT_LOW_THR", 0.15), flight.parameter("BAT_CRIT_THR", 0.07)
-    share = flight.recorded.column("battery_status", "remaining", instance)
+    share = _connected(flight, "remaining", instance)
     known = share.known(0.0) if share else None
     stretch = flight.below(known, low, flight.whole)
     if known and stretch:
-        values = {"battery": instance, "remaining": known.smallest, "limit": low}
+        values = {"battery": instance + 1, "remaining": known.smallest, "limit": low}
         level = "error" if known.smallest < critical else ""
-        text = f"the battery fell to {known.smallest * 100:.0f} %"
+        text = f"{_name(flight, instance)} fell to {known.smallest * 100:.0f} %"
         yield Seen(text, stretch.begin, stretch.end, values, level)
 
 
@@ -56,7 +68,7 @@ def _cells(flight: Flight, instance: int) -> float:
 
 def _sag(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
     cells = _cells(flight, instance)
-    volts = flight.recorded.column("battery_status", "voltage_v", instance)
+    volts = _connected(flight, "voltage_v", instance)
     if not cells:
         yield Unsaid(f"the number of cells is not known: set BAT{instance + 1}_N_CELLS")
         return
@@ -66,8 +78,9 @@ def _sag(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
     stretch = flight.below(each, limit)
     worst = each.within(flight.recorded.armed).smallest if each else 0.0
     if stretch and stretch.seconds >= _LONGEST:
-        text = f"the voltage sagged to {worst:.2f} V a cell, below {limit:.2f} V for {stretch.seconds:.1f} s"
-        values = {"battery": instance, "cell_v": worst, "limit_v": limit, "below_s": stretch.seconds}
+        at = f"{worst:.2f} V a cell, below {limit:.2f} V for {stretch.seconds:.1f} s"
+        text = f"the voltage of {_name(flight, instance)} sagged to {at}"
+        values = {"battery": instance + 1, "cell_v": worst, "limit_v": limit, "below_s": stretch.seconds}
         yield Seen(text, stretch.begin, stretch.end, values)
 
 
@@ -75,18 +88,22 @@ def _resistance(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
     from msggen.analysis.fits import fit
 
     volts, amps = (
-        flight.recorded.while_armed("battery_status", field, instance) for field in ("voltage_v", "current_a")
+        flight.recorded.while_armed("battery_status", field, instance, "connected")
+        for field in ("voltage_v", "current_a")
     )
     found = fit(volts, amps.known(0.0)) if volts and amps else None
     cells = _cells(flight, instance)
     if not found or not amps or not cells or found.spread < _CHANGE * amps.largest:
-        yield Unsaid(f"the current of battery {instance} hardly changed, or the number of its cells is not known")
+        yield Unsaid(
+            f"the current of {_name(flight, instance)} hardly changed, or the number of its cells is not known"
+        )
         return
     assumed = flight.parameter(f"BAT{instance + 1}_R_INTERNAL", _OHM)
     limit, each = _WORN * max(assumed, _OHM), -found.slope / cells
     if found.correlation <= _EXPLAINED and each > limit:
-        values = {"battery": instance, "cell_ohm": each, "limit_ohm": limit, "correlation": found.correlation}
-        yield Seen(f"the battery has {each * 1000:.0f} mΩ a cell, more than {limit * 1000:.0f} mΩ", values=values)
+        values = {"battery": instance + 1, "cell_ohm": each, "limit_ohm": limit, "correlation": found.correlation}
+        text = f"{_name(flight, instance)} has {each * 1000:.0f} mΩ a cell, more than {limit * 1000:.0f} mΩ"
+        yield Seen(text, values=values)
 
 
 def _rail(flight: Flight) -> Iterator[Seen]:
@@ -110,8 +127,11 @@ def _lost(flight: Flight) -> Iterator[Seen]:
     if not flight.in_air or flight.in_air[-1][1] < end:
         return
     rail = flight.recorded.column("system_power", "voltage5v_v")
-    batteries = [flight.recorded.column("battery_status", "voltage_v", each) for each in flight.recorded.batteries()]
-    for name, column in (("the rail of 5 V", rail), *(("the battery", each) for each in batteries)):
+    batteries = [
+        (_name(flight, each), flight.recorded.column("battery_status", "voltage_v", each))
+        for each in flight.recorded.batteries()
+    ]
+    for name, column in (("the rail of 5 V", rail), *batteries):
         known = column.known(0.0) if column else None
         if known is None:
             continue
@@ -148,7 +168,7 @@ RULES = (
         fix="Use a battery with a higher rate of discharge or more capacity, or replace an old or a cold one. Check "
         "its plugs, too.",
         source="BAT1_V_EMPTY, 3.6 V a cell by default, less 0.1 V for the load, for a second",
-        example="the voltage sagged to 3.20 V a cell, below 3.50 V for 4.0 s",
+        example="the voltage of the battery sagged to 3.20 V a cell, below 3.50 V for 4.0 s",
     ),
     FlightRule(
         "BATTERY_RESISTANCE",

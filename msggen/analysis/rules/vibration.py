@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
+from msggen.base.diagnostics import counted
 from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
@@ -31,10 +32,12 @@ def _clipped(flight: Flight) -> Iterator[Seen]:
     recorded = flight.recorded
     for instance in recorded.instances("vehicle_imu_status"):
         clips = [recorded.column("vehicle_imu_status", f"accel_clipping[{axis}]", instance) for axis in range(3)]
-        grown = sum(each.growth for each in clips if each is not None)
-        if grown > 0:
-            text = f"the accelerometer of IMU {instance} reached its limit {grown:.0f} times"
-            yield Seen(text, values={"imu": instance, "clips": grown})
+        rises = [found for each in clips if each and len((found := flight.rises(each)).finite)]
+        if rises:
+            grown = sum(float(each.finite.sum()) for each in rises)
+            begin, end = min(float(each.times[0]) for each in rises), max(float(each.times[-1]) for each in rises)
+            text = f"the accelerometer of IMU {instance} reached its limit {counted(int(grown), 'time')} while armed"
+            yield Seen(text, begin, end, {"imu": instance, "clips": grown})
 
 
 RULES = (
@@ -57,9 +60,10 @@ RULES = (
         _clipped,
         severity=Severity.WARNING,
         needs=(("vehicle_imu_status.accel_clipping[0]",),),
+        uses=("vehicle_status", "actuator_armed"),
         fix="Treat it as severe vibration: the estimate of velocity and height is wrong where values are cut off.",
         source="`accel_clipping` of vehicle_imu_status counts values at the limit",
-        example="the accelerometer of IMU 0 reached its limit 12 times",
+        example="the accelerometer of IMU 0 reached its limit 12 times while armed",
     ),
 )
 """The rules."""
