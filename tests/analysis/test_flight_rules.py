@@ -563,7 +563,10 @@ def test_topics_that_a_rule_reads_are_those_that_it_names(
 def test_a_vehicle_that_was_never_armed_is_not_said_to_have_flown_well(
     tmp_path: Path, px4_types: Any, everything: dict[str, Values]
 ) -> None:
-    resting = {"vehicle_status": lambda _: {"arming_state": 1}, "actuator_armed": lambda _: {"armed": False}}
+    resting: dict[str, Values] = {
+        "vehicle_status": lambda _: {"arming_state": 1},
+        "actuator_armed": lambda _: {"armed": False},
+    }
     found = findings_in(write_flight(tmp_path / "resting", px4_types, {**everything, **resting}))
     unsaid = {each.rule.id for each in found.silences if each.reason == "the vehicle was never armed"}
     told = {rule.id for rule in FLIGHT if rule.needs} - unsaid
