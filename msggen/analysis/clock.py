@@ -49,23 +49,12 @@ def _back(topic: Topic, start: int) -> list[Jump]:
 
 
 def _silent(topics: list[Topic], most: Topic, start: int) -> list[Jump]:
-    times = _seconds(most.times, start)
-    steps = np.diff(times)
-    if not len(steps):
+    steps = np.diff(_seconds(most.times, start))
+    limit = max(GAP, _USUAL * float(np.median(steps))) if len(steps) else GAP
+    if not (steps > limit).any():
         return []
-    found = np.flatnonzero(steps > max(GAP, _USUAL * float(np.median(steps))))
-    jumps = [Jump(float(times[place]), float(times[place + 1])) for place in found]
-    for topic in topics if jumps else ():
-        other = _seconds(topic.times, start)
-        jumps = [inner for jump in jumps for inner in _within(jump, other)]
-    return jumps
-
-
-def _within(jump: Jump, times: NDArray[np.float64]) -> list[Jump]:
-    """Return the parts of a gap in which another topic has no samples either."""
-    first, last = np.searchsorted(times, jump.before, side="right"), np.searchsorted(times, jump.after)
-    edges = np.concatenate(([jump.before], times[first:last], [jump.after]))
-    return [Jump(float(edges[place]), float(edges[place + 1])) for place in np.flatnonzero(np.diff(edges) > GAP)]
+    times = np.sort(np.concatenate([_seconds(each.times, start) for each in topics]))
+    return [Jump(float(times[place]), float(times[place + 1])) for place in np.flatnonzero(np.diff(times) > limit)]
 
 
 def _seconds(times: NDArray[np.int64], start: int) -> NDArray[np.float64]:
