@@ -5,7 +5,7 @@ from __future__ import annotations
 import lzma
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -733,3 +733,42 @@ def test_a_short_dropout_is_a_note(milliseconds: tuple[int, ...], level: str, tm
     path.write_bytes(path.read_bytes() + b"".join(struct.pack("<HBH", 2, ord("O"), each) for each in milliseconds))
     (seen,) = [each for each in findings_in(path).findings if each.rule.id == "LOG_DROPOUTS"]
     assert (seen.level, seen.values["limit_s"]) == (level, 0.1)
+
+
+def moved(by: Callable[[float], float], path: Path, px4_types: Any, skipped: tuple[float, float] = (0, 0)) -> list[str]:
+    """Return what is said about times that a function moves, without the samples of a time."""
+    samples = [
+        (f"/fmu/out/{topic}", time + by(time), message)
+        for topic, time, message in samples_of(px4_types, FLOWN)
+        if not skipped[0] <= time < skipped[1]
+    ]
+    path.unlink(missing_ok=True)
+    found = findings_in(write_recording(path, samples)).findings
+    assert {each.level for each in found if each.rule.id == "LOG_TIME_JUMPS"} <= {"warning"}
+    return [each.text for each in found if each.rule.id == "LOG_TIME_JUMPS"]
+
+
+BACK = "the log times step back 1 time, by up to 4.9 s"
+
+
+def test_times_that_jump_are_a_finding(tmp_path: Path, px4_types: Any) -> None:
+    path = tmp_path / "moved.mcap"
+    assert moved(lambda time: -5.0 * (time >= 8), path, px4_types) == [BACK]
+    assert moved(lambda time: -5.0 * (8 <= time < 12) + 3600 * (time >= 12), path, px4_types) == [
+        BACK,
+        "no topic has a sample for up to 3604.1 s, 1 time",
+    ]
+    assert moved(lambda _: 0.0, path, px4_types, (4, 13)) == []
+    assert moved(lambda _: 0.0, path, px4_types, (4, 15)) == ["no topic has a sample for up to 11.1 s, 1 time"]
+    assert moved(lambda time: -0.5 * (time >= 8), path, px4_types) == []
+
+
+def test_a_gap_in_which_another_topic_goes_on_is_none(tmp_path: Path, px4_types: Any) -> None:
+    samples = [
+        ("/fmu/out/vehicle_status", step / 10, px4_types.VehicleStatus()) for step in range(400) if not 50 < step < 300
+    ]
+    other = [("/fmu/out/cpuload", float(step), px4_types.Cpuload()) for step in range(0, 40, 8)]
+    rare = [("/fmu/out/cpuload", step * 60.0, px4_types.Cpuload()) for step in range(9)]
+    for name, each in (("other", [*samples, *other]), ("rare", rare), ("one", rare[:1])):
+        found = findings_in(write_recording(tmp_path / f"{name}.mcap", each)).findings
+        assert "LOG_TIME_JUMPS" not in {each.rule.id for each in found}

@@ -46,6 +46,22 @@ def _dropouts(flight: Flight) -> Iterator[Seen]:
     yield Seen(f"{counted(len(seconds), 'dropout')} of the logger: {lost}", begin, last + seconds[-1], values, level)
 
 
+def _jumps(flight: Flight) -> Iterator[Seen]:
+    from msggen.analysis.clock import BACK, GAP, jumps_of
+
+    back, silent = jumps_of(flight.log)
+    if back:
+        longest = max(before - after for before, after in back)
+        text = f"the log times step back {counted(len(back), 'time')}, by up to {longest:.1f} s"
+        values = {"steps": len(back), "longest_s": longest, "limit_s": BACK}
+        yield Seen(text, back[0].after, max(each.before for each in back), values)
+    if silent:
+        longest = max(after - before for before, after in silent)
+        text = f"no topic has a sample for up to {longest:.1f} s, {counted(len(silent), 'time')}"
+        values = {"gaps": len(silent), "longest_s": longest, "limit_s": GAP}
+        yield Seen(text, silent[0].before, silent[-1].after, values)
+
+
 def _end(flight: Flight) -> Iterator[Seen]:
     recorded = flight.recorded
     states = [recorded.column("vehicle_land_detected", name) for name in ("landed", "maybe_landed", "ground_contact")]
@@ -117,6 +133,18 @@ RULES = (
         fix="Use a faster SD card, format it, or log fewer topics, which SDLOG_PROFILE selects.",
         source="the dropouts that PX4's logger writes into the log. A note below 0.1 s in all",
         example="2 dropouts of the logger: 0.30 s are missing, at most 0.20 s at a time",
+    ),
+    FlightRule(
+        "LOG_TIME_JUMPS",
+        "the log times step back, or no topic has a sample for long",
+        Category.FLIGHT,
+        _jumps,
+        severity=Severity.WARNING,
+        fix="Do not trust durations, rates and gaps of this recording. If a computer recorded it, set its clock "
+        "before, and not meanwhile; or the recorder or the link stood still.",
+        source="steps back of 1 s or more of the topic with the most samples; more than 10 s without a sample of any "
+        "topic, and 10 times as long as that topic usually takes",
+        example="the log times step back 1 time, by up to 5.0 s",
     ),
     FlightRule(
         "LOG_ENDS_IN_AIR",
