@@ -22,6 +22,8 @@ Spans = tuple[tuple[float, float], ...]
 """Stretches of time from a begin to an end, in s after the start."""
 _TOUCHING = "ground_contact", "maybe_landed", "landed"
 """The fields of vehicle_land_detected that are set when a vehicle touches the ground."""
+_SILENT, _INTERVALS = 2.0, 5.0
+"""The time in s for which a topic sends nothing, and the same in times of its usual interval."""
 
 
 class Stretch(NamedTuple):
@@ -168,6 +170,18 @@ class Flight:
         long = np.flatnonzero(np.diff(times) > limit)
         candidates = tuple(zip(times[long].tolist(), times[long + 1].tolist(), strict=True))
         return tuple(each for each in common(candidates, within) if each[1] - each[0] > limit)
+
+    def silences(self, column: Column) -> Spans:
+        """Return when a topic sent nothing while armed and after its first sample, although vehicle_status went on.
+
+        That is for 2 s and for 5 times its usual interval. Without vehicle_status, there is no such time.
+        """
+        others = self.recorded.column("vehicle_status", "arming_state")
+        if others is None or len(column.times) < 2:  # noqa: PLR2004 - an interval
+            return ()
+        limit = max(_SILENT, _INTERVALS * float(np.median(np.diff(column.times))))
+        since = common(((float(column.times[0]), self.duration),), self.recorded.armed)
+        return tuple(each for each in self.gaps(column, limit, since) if not self.gaps(others, _SILENT, (each,)))
 
 
 def common(one: Spans, other: Spans) -> Spans:

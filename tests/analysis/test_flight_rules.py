@@ -76,8 +76,8 @@ def escs(px4_types: Any, online: int = 15, **second: Any) -> Fields:
     return {"esc_count": 4, "esc_online_flags": online, "esc": tuple(each)}
 
 
-def place(latitude: float, speed: float = 0.0) -> Fields:
-    return {"latitude_deg": latitude, "longitude_deg": 8.0, "fix_type": 3, "vel_m_s": speed, "eph": 0.9}
+def place(latitude: float, speed: float = 0.0, eph: float = 0.9) -> Fields:
+    return {"latitude_deg": latitude, "longitude_deg": 8.0, "fix_type": 3, "vel_m_s": speed, "eph": eph}
 
 
 def cell(volts: float, amps: float = 10.0) -> Fields:
@@ -501,11 +501,23 @@ def cases(px4_types: Any) -> list[Case]:
             {"battery_status": lambda time: {"connected": time >= 1, "remaining": 0.8 * (time >= 1)}},
             {},
         ),
+        Case(
+            "GPS_FIX_LOST",
+            {"sensor_gps": lambda time: None if 8 < time < 11 else {"fix_type": 3}},
+            "the GPS sent nothing for 3.0 s",
+            {"sensor_gps": lambda time: None if 8 < time < 9.5 or time > 18 else {"fix_type": 3}},
+        ),
+        Case(
+            "GPS_JUMPED",
+            {"sensor_gps": lambda time: place(47.001 if 1 <= time < 9 else 47.0, eph=90.0 if time < 6 else 1.0)},
+            "the position of the GPS jumped 1 time, by up to 111 m",
+            {"sensor_gps": lambda time: place(47.001 if 1 <= time < 9 else 47.0, eph=90.0 if time < 9 else 1.0)},
+        ),
     ]
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 53
+CASES = 55
 """The number of cases."""
 
 
@@ -707,6 +719,21 @@ def test_the_time_between_two_flights_does_not_count(tmp_path: Path, px4_types: 
     found = findings_in(write_recording(tmp_path / "two.mcap", samples)).findings
     (seen,) = found
     assert (seen.text, seen.time) == ("motor 1 was at its limit for 8.0 s, 100 % of the time armed", 2.5)
+
+
+def test_a_battery_that_sends_nothing_is_not_said_to_be_full(tmp_path: Path, px4_types: Any) -> None:
+    silent: Values = lambda time: cell(3.9) if time < 9 else None  # noqa: E731
+    found = findings_in(write_flight(tmp_path / "silent", px4_types, {**FLOWN, "battery_status": silent}))
+    reasons = {each.rule.id: each.reason for each in found.silences}
+    assert reasons["BATTERY_LOW"] == "the battery was silent for 9.1 s in flight"
+
+
+def test_a_recording_that_pauses_is_no_gps_that_is_silent(tmp_path: Path, px4_types: Any) -> None:
+    def paused(values: Values) -> Values:
+        return lambda time: None if 8 < time < 12 else values(time)
+
+    topics = {name: paused(values) for name, values in {**FLOWN, "sensor_gps": lambda _: {"fix_type": 3}}.items()}
+    assert not findings_in(write_flight(tmp_path / "paused", px4_types, topics)).findings
 
 
 def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:

@@ -43,6 +43,11 @@ def _lost(flight: Flight) -> Iterator[Seen | Unsaid]:
         if stretch and stretch.seconds > 0:
             text = f"the {name} had no fix for {stretch.seconds:.1f} s"
             yield Seen(text, stretch.begin, stretch.end, {"receiver": instance, "lost_s": stretch.seconds})
+        silences = flight.silences(later) if later else ()
+        if silences:
+            seconds = sum(end - begin for begin, end in silences)
+            text = f"the {name} sent nothing for {seconds:.1f} s"
+            yield Seen(text, silences[0][0], silences[-1][1], {"receiver": instance, "silent_s": seconds})
 
 
 def _reported(field: str, word: str, flight: Flight) -> Iterator[Seen]:
@@ -54,32 +59,38 @@ def _reported(field: str, word: str, flight: Flight) -> Iterator[Seen]:
 
 
 def _jumped(flight: Flight) -> Iterator[Seen]:
+    import numpy as np
+
     from msggen.analysis.places import jumps_of
 
+    least = max(flight.parameter("COM_POS_FS_EPH", _JUMP), _JUMP)
     for name, topic, instance in _receivers(flight):
         found = jumps_of(flight, topic, instance, _LONGEST)
+        if not found:
+            continue
         accuracy = flight.recorded.column(topic, "eph", instance)
-        margin = _ACCURACIES * accuracy.largest if accuracy and accuracy.largest > 0 else 0.0
-        limit = max(margin, flight.parameter("COM_POS_FS_EPH", _JUMP), _JUMP)
-        stretch = flight.above(found, limit)
-        if found and stretch:
-            worst, count = found.within(flight.recorded.armed).largest, int((found.values > limit).sum())
-            values = {"receiver": instance, "jumps": count, "jump_m": worst, "limit_m": limit}
-            text = f"the position of the {name} jumped {counted(count, 'time')}, by up to {worst:.0f} m"
-            yield Seen(text, stretch.begin, stretch.end, values)
+        here = accuracy.at(found.times) if accuracy else np.full(len(found.times), np.nan)
+        limits = np.fmax(_ACCURACIES * np.fmax(here, np.append(np.nan, here[:-1])), least)
+        jumps = (found.values > limits) & np.isfinite(found.values) & found.is_within(flight.recorded.armed)
+        if jumps.any():
+            times, sizes = found.times[jumps], found.values[jumps]
+            worst, limit = float(sizes.max()), float(limits[jumps][sizes.argmax()])
+            values = {"receiver": instance, "jumps": len(sizes), "jump_m": worst, "limit_m": limit}
+            text = f"the position of the {name} jumped {counted(len(sizes), 'time')}, by up to {worst:.0f} m"
+            yield Seen(text, float(times[0]), float(times[-1]), values)
 
 
 RULES = (
     FlightRule(
         "GPS_FIX_LOST",
-        "the GPS lost its fix in flight",
+        "the GPS lost its fix in flight, or sent nothing",
         Category.FLIGHT,
         _lost,
         severity=Severity.WARNING,
         needs=(_fields("fix_type"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, away from cameras, radios and USB cables.",
-        source="`fix_type` below 3 after a fix",
+        source="`fix_type` below 3 after a fix, or no sample for 2 s while vehicle_status goes on",
         example="the GPS had no fix for 2.0 s",
     ),
     FlightRule(
@@ -115,7 +126,7 @@ RULES = (
         needs=(tuple(path for name in _LATITUDES for path in _fields(name)),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, look for sources of jamming, and do not fly close to buildings.",
-        source="COM_POS_FS_EPH, 5 m at least, and 3 times the accuracy that the receiver tells",
+        source="COM_POS_FS_EPH, 5 m at least, and 3 times the accuracy that the receiver tells at both positions",
         example="the position of the GPS jumped 2 times, by up to 48 m",
     ),
 )

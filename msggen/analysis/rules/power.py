@@ -47,10 +47,13 @@ def _connected(flight: Flight, field: str, instance: int) -> Column | None:
     return found.where(flight.recorded.column("battery_status", "connected", instance)) if found else None
 
 
-def _low(flight: Flight, instance: int) -> Iterator[Seen]:
+def _low(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
     low, critical = flight.parameter("BAT_LOW_THR", 0.15), flight.parameter("BAT_CRIT_THR", 0.07)
     share = _connected(flight, "remaining", instance)
     known = share.known(0.0) if share else None
+    if known and (silences := flight.silences(known)):
+        seconds = sum(end - begin for begin, end in silences)
+        yield Unsaid(f"{_name(flight, instance)} was silent for {seconds:.1f} s in flight")
     stretch = flight.below(known, low, flight.whole)
     if known and stretch:
         values = {"battery": instance + 1, "remaining": known.smallest, "limit": low}
@@ -152,6 +155,7 @@ RULES = (
         partial(_each, _low),
         severity=Severity.WARNING,
         needs=(("battery_status.remaining",),),
+        uses=("vehicle_status",),
         fix="Land earlier, or set COM_LOW_BAT_ACT, the failsafe that does so. Check BAT1_CAPACITY and the calibration "
         "of voltage and current if the battery was not empty.",
         source="BAT_LOW_THR, 15 % by default; below BAT_CRIT_THR, 7 %, it is an error",
