@@ -799,3 +799,11 @@ def test_a_gap_in_which_another_topic_goes_on_is_none(tmp_path: Path, px4_types:
     for name, each in (("other", [*samples, *other]), ("rare", rare), ("one", rare[:1])):
         found = findings_in(write_recording(tmp_path / f"{name}.mcap", each)).findings
         assert "LOG_TIME_JUMPS" not in {each.rule.id for each in found}
+
+
+def test_a_closed_recording_does_not_tell_its_times(tmp_path: Path, px4_types: Any) -> None:
+    path = write_flight(tmp_path / "closed", px4_types, FLOWN)
+    with recordings.open(str(path)) as log:
+        flight = flight_of(log, lambda _: True)
+    found = findings_of(flight, [RULES["LOG_TIME_JUMPS"]])
+    assert [each.reason for each in found.silences] == [f"the times cannot be read: {path} is closed"]

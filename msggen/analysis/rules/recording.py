@@ -7,7 +7,7 @@ from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from msggen.analysis.finding import FlightRule, Seen
+from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted, few
 from msggen.base.recording_formats import FORMATS
 from msggen.check.finding import Category, Severity
@@ -46,10 +46,15 @@ def _dropouts(flight: Flight) -> Iterator[Seen]:
     yield Seen(f"{counted(len(seconds), 'dropout')} of the logger: {lost}", begin, last + seconds[-1], values, level)
 
 
-def _jumps(flight: Flight) -> Iterator[Seen]:
+def _jumps(flight: Flight) -> Iterator[Seen | Unsaid]:
     from msggen.analysis.clock import BACK, GAP, jumps_of
+    from msggen.recordings.source.source import RecordingError
 
-    back, silent = jumps_of(flight.log)
+    try:
+        back, silent = jumps_of(flight.log)
+    except RecordingError as error:  # as of a log that is closed
+        yield Unsaid(f"the times cannot be read: {error}")
+        return
     if back:
         longest = max(before - after for before, after in back)
         text = f"the log times step back {counted(len(back), 'time')}, by up to {longest:.1f} s"
