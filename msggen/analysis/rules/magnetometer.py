@@ -18,24 +18,28 @@ _CORRELATION, _CHANGE = 0.7, 0.03
 
 
 def _disturbed(flight: Flight) -> Iterator[Seen]:
-    found, expected = (
-        flight.recorded.column("estimator_status", name) for name in ("mag_strength_gs", "mag_strength_ref_gs")
-    )
+    yield from list(_off(flight)) or _flagged(flight)
+
+
+def _off(flight: Flight) -> Iterator[Seen]:
     limit = flight.parameter("EKF2_MAG_CHK_STR", 0.2)
-    if found and expected and expected.largest > 0:
+    for name, (found, expected) in flight.estimated("estimator_status", "mag_strength_gs", "mag_strength_ref_gs"):
         off = found._replace(values=abs(found.values - expected.known(1e-3).values))
         stretch = flight.above(off, limit, flight.in_air)
         if stretch and stretch.seconds >= _LONGEST:
             worst = off.within(flight.in_air).largest
             values = {"off_ga": worst, "expected_ga": expected.largest, "limit_ga": limit, "off_s": stretch.seconds}
-            text = f"the magnetic field was off by up to {worst:.2f} Ga for {stretch.seconds:.1f} s"
+            of = "" if name == "the estimator" else f" of {name}"
+            text = f"the magnetic field{of} was off by up to {worst:.2f} Ga for {stretch.seconds:.1f} s"
             yield Seen(text, stretch.begin, stretch.end, values)
-            return
-    flag = flight.recorded.column("estimator_status_flags", "cs_mag_field_disturbed")
-    stretch = flight.above(flag, 0.0, flight.in_air)
-    if stretch and stretch.seconds >= _LONGEST:
-        text = f"the estimator found the magnetic field disturbed for {stretch.seconds:.1f} s"
-        yield Seen(text, stretch.begin, stretch.end, {"disturbed_s": stretch.seconds})
+
+
+def _flagged(flight: Flight) -> Iterator[Seen]:
+    for name, (flag,) in flight.estimated("estimator_status_flags", "cs_mag_field_disturbed"):
+        stretch = flight.above(flag, 0.0, flight.in_air)
+        if stretch and stretch.seconds >= _LONGEST:
+            text = f"{name} found the magnetic field disturbed for {stretch.seconds:.1f} s"
+            yield Seen(text, stretch.begin, stretch.end, {"disturbed_s": stretch.seconds})
 
 
 def _follows(flight: Flight) -> Iterator[Seen | Unsaid]:
@@ -63,7 +67,13 @@ RULES = (
         _disturbed,
         severity=Severity.WARNING,
         needs=(("estimator_status.mag_strength_ref_gs", "estimator_status_flags.cs_mag_field_disturbed"),),
-        uses=("vehicle_status", "actuator_armed", "vehicle_land_detected", "estimator_status"),
+        uses=(
+            "vehicle_status",
+            "actuator_armed",
+            "vehicle_land_detected",
+            "estimator_status",
+            "estimator_selector_status",
+        ),
         fix="Keep away from steel, power lines and reinforced concrete, mount the compass away from cables with high "
         "currents, and calibrate it.",
         source="EKF2_MAG_CHK_STR, 0.2 Ga by default, for a second; or the estimator's own flag",
