@@ -465,11 +465,22 @@ def cases(px4_types: Any) -> list[Case]:
             {},
             {"COM_POS_FS_EPH": -1.0},
         ),
+        Case(
+            "MAG_FOLLOWS_THRUST",
+            {
+                "vehicle_thrust_setpoint": lambda time: {"xyz": (0, 0, -swing(time) / 20)},
+                "vehicle_magnetometer": lambda _: {"magnetometer_ga": (0.2, 0, 0.4)},
+                "vehicle_magnetometer[1]": lambda time: {"magnetometer_ga": (0.2, 0, 0.4 + swing(time) / 100)},
+            },
+            "the magnetic field of magnetometer 1 changes by 0.15 Ga with the thrust (correlation 1.00)",
+            {},
+            {},
+        ),
     ]
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 49
+CASES = 50
 """The number of cases."""
 
 

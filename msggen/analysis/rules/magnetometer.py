@@ -43,9 +43,19 @@ def _flagged(flight: Flight) -> Iterator[Seen]:
 
 
 def _follows(flight: Flight) -> Iterator[Seen | Unsaid]:
+    instances = flight.recorded.instances("vehicle_magnetometer")
+    found = [
+        each
+        for instance in instances
+        for each in _one_follows(flight, instance, f" of magnetometer {instance}" if instances[1:] else "")
+    ]
+    yield from [each for each in found if isinstance(each, Seen)] or found[:1]
+
+
+def _one_follows(flight: Flight, instance: int, of: str) -> Iterator[Seen | Unsaid]:
     from msggen.analysis.fits import fit
 
-    field = flight.length("vehicle_magnetometer", "magnetometer_ga")
+    field = flight.length("vehicle_magnetometer", "magnetometer_ga", instance)
     thrust = flight.length("vehicle_thrust_setpoint", "xyz")
     found = fit(field.within(flight.in_air), thrust) if field and thrust else None
     if not found or not thrust or found.spread < _CHANGE:
@@ -55,7 +65,8 @@ def _follows(flight: Flight) -> Iterator[Seen | Unsaid]:
     change, limit = abs(found.slope) * (flown.largest - flown.smallest), flight.parameter("EKF2_MAG_NOISE", 0.05)
     if abs(found.correlation) >= _CORRELATION and change > limit:
         values = {"change_ga": change, "limit_ga": limit, "correlation": found.correlation}
-        text = f"the magnetic field changes by {change:.2f} Ga with the thrust (correlation {found.correlation:.2f})"
+        at = f"{change:.2f} Ga with the thrust (correlation {found.correlation:.2f})"
+        text = f"the magnetic field{of} changes by {at}"
         yield Seen(text, values=values)
 
 
