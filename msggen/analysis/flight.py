@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -123,9 +123,31 @@ class Flight:
         found = (self.recorded.column(topic, field, instance) for topic, _, field in names)
         return next((column for column in found if column is not None), None)
 
-    def length(self, topic: str, field: str) -> Column | None:
+    def estimated(self, topic: str, *fields: str) -> Iterator[tuple[str, list[Column]]]:
+        """Yield the name of an estimator and some of its fields: those of the instance that PX4 followed at each time.
+
+        Without `estimator_selector_status`, they are those of each instance that has all fields.
+        """
+        found: dict[int, list[Column]] = {}
+        for instance in self.recorded.instances(topic):
+            columns = [self.recorded.column(topic, field, instance) for field in fields]
+            there = [column for column in columns if column is not None]
+            if len(there) == len(fields):
+                found[instance] = there
+        primary = self.recorded.column("estimator_selector_status", "primary_instance")
+        if primary is not None:
+            chosen = {number: self.when(primary, primary.values == number) for number in found}
+            parts = [[column.within(chosen[number]) for column in there] for number, there in found.items()]
+            followed = [_joined(column) for column in zip(*parts, strict=True)]
+            if followed and len(followed[0].times):
+                yield "the estimator", followed
+                return
+        for instance, each in found.items():
+            yield f"estimator {instance}" if len(found) > 1 else "the estimator", each
+
+    def length(self, topic: str, field: str, instance: int = 0) -> Column | None:
         """Return the length of a vector such as `vehicle_magnetometer.magnetometer_ga`, None without one."""
-        axes = [self.recorded.column(topic, f"{field}[{axis}]") for axis in range(3)]
+        axes = [self.recorded.column(topic, f"{field}[{axis}]", instance) for axis in range(3)]
         x, y, z = axes
         if x is None or y is None or z is None:
             return None
@@ -182,6 +204,13 @@ class Flight:
         limit = max(_SILENT, _INTERVALS * float(np.median(np.diff(column.times))))
         since = common(((float(column.times[0]), self.duration),), self.recorded.armed)
         return tuple(each for each in self.gaps(column, limit, since) if not self.gaps(others, _SILENT, (each,)))
+
+
+def _joined(columns: Sequence[Column]) -> Column:
+    """Return the samples of some columns in the order of time."""
+    times, values = (np.concatenate(each) for each in zip(*(column[:2] for column in columns), strict=True))
+    order = np.argsort(times, kind="stable")
+    return columns[0]._replace(times=times[order], values=values[order])
 
 
 def common(one: Spans, other: Spans) -> Spans:

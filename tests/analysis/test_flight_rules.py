@@ -126,6 +126,7 @@ def cases(px4_types: Any) -> list[Case]:
     """Return a case for each rule that reads topics."""
     healthy = escs(px4_types)
     steady = {"offboard_control_mode": lambda _: {"position": True}}
+    high = when(8, 11, {"hgt_test_ratio": 2.5}, {"hgt_test_ratio": 0.2})
     quiet_mag = {"mag_strength_gs": 0.5, "mag_strength_ref_gs": 0.48}
     return [
         Case(
@@ -513,11 +514,59 @@ def cases(px4_types: Any) -> list[Case]:
             "the position of the GPS jumped 1 time, by up to 111 m",
             {"sensor_gps": lambda time: place(47.001 if 1 <= time < 9 else 47.0, eph=90.0 if time < 9 else 1.0)},
         ),
+        Case(
+            "INNOVATIONS_REJECTED",
+            {"estimator_status": lambda _: {"hgt_test_ratio": 0.2}, "estimator_status[1]": high},
+            "estimator 1 rejected the height for 3.0 s, with a test ratio of up to 2.5",
+            {
+                "estimator_status": high,
+                "estimator_status[1]": lambda _: {"hgt_test_ratio": 0.2},
+                "estimator_selector_status": lambda _: {"primary_instance": 1},
+            },
+            {},
+        ),
+        Case(
+            "MAG_DISTURBED",
+            {
+                "estimator_status": lambda _: quiet_mag,
+                "estimator_status[1]": when(8, 11, {**quiet_mag, "mag_strength_gs": 0.8}, quiet_mag),
+                "estimator_selector_status": lambda time: {"primary_instance": time > 6},
+            },
+            "the magnetic field was off by up to 0.32 Ga for 3.0 s",
+            {
+                "estimator_status": lambda _: quiet_mag,
+                "estimator_status[1]": when(8, 11, {**quiet_mag, "mag_strength_gs": 0.8}, quiet_mag),
+                "estimator_selector_status": lambda time: {"primary_instance": time > 12},
+            },
+            {},
+        ),
+        Case(
+            "ESTIMATE_RESET",
+            {
+                "vehicle_local_position": lambda time: local(
+                    xy_reset_counter=time > 9, delta_xy=(6.0, 8.0) if time > 9 else (0.0, 0.0)
+                )
+            },
+            "the estimate of the horizontal position jumped 1 time by up to 10.0 m while armed",
+            {},
+            {"COM_POS_FS_EPH": -1.0},
+        ),
+        Case(
+            "MAG_FOLLOWS_THRUST",
+            {
+                "vehicle_thrust_setpoint": lambda time: {"xyz": (0, 0, -swing(time) / 20)},
+                "vehicle_magnetometer": lambda _: {"magnetometer_ga": (0.2, 0, 0.4)},
+                "vehicle_magnetometer[1]": lambda time: {"magnetometer_ga": (0.2, 0, 0.4 + swing(time) / 100)},
+            },
+            "the magnetic field of magnetometer 1 changes by 0.15 Ga with the thrust (correlation 1.00)",
+            {},
+            {},
+        ),
     ]
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 55
+CASES = 59
 """The number of cases."""
 
 

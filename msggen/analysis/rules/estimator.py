@@ -59,14 +59,13 @@ _RESETS = (
 
 def _rejected(flight: Flight) -> Iterator[Seen]:
     for name, word in _TESTED.items():
-        ratio = flight.recorded.column("estimator_status", f"{name}_test_ratio")
-        stretch = flight.above(ratio, 1.0)
-        if ratio and stretch and stretch.seconds >= LONGEST:
-            worst = ratio.within(flight.recorded.armed).largest
-            text = (
-                f"the estimator rejected the {word} for {stretch.seconds:.1f} s, with a test ratio of up to {worst:.1f}"
-            )
-            yield Seen(text, stretch.begin, stretch.end, {"rejected_s": stretch.seconds, "test_ratio": worst})
+        for estimator, (ratio,) in flight.estimated("estimator_status", f"{name}_test_ratio"):
+            stretch = flight.above(ratio, 1.0)
+            if stretch and stretch.seconds >= LONGEST:
+                worst = ratio.within(flight.recorded.armed).largest
+                at = f"{stretch.seconds:.1f} s, with a test ratio of up to {worst:.1f}"
+                values = {"rejected_s": stretch.seconds, "test_ratio": worst}
+                yield Seen(f"{estimator} rejected the {word} for {at}", stretch.begin, stretch.end, values)
 
 
 def _resets(flight: Flight) -> Iterator[Seen]:
@@ -77,12 +76,13 @@ def _resets(flight: Flight) -> Iterator[Seen]:
         sizes = [column for each in reset.sizes if (column := flight.recorded.column(_LOCAL, each))]
         squares: Any = sum(each.at(jumps) ** 2 for each in sizes)
         worst = float(max(squares)) ** 0.5 * reset.scale if sizes else nan
-        limit = flight.parameter(reset.parameter, reset.limit) if reset.parameter else reset.limit
+        told = flight.parameter(reset.parameter, reset.limit)
+        limit = told if told > 0 else reset.limit  # PX4's check can be off
         by = f" by up to {worst:.1f} {reset.unit}" if isfinite(worst) else ""
         text = f"the estimate of the {reset.name} jumped {counted(len(jumps), 'time')}{by} while armed"
         unit = reset.unit.replace("/", "_")
         values = {"resets": len(jumps), f"size_{unit}": worst, f"limit_{unit}": limit}
-        yield Seen(text, float(jumps[0]), float(jumps[-1]), values, "warning" if worst > limit > 0 else "info")
+        yield Seen(text, float(jumps[0]), float(jumps[-1]), values, "warning" if worst > limit else "info")
 
 
 RULES = (
@@ -93,10 +93,10 @@ RULES = (
         _rejected,
         severity=Severity.WARNING,
         needs=(tuple(f"estimator_status.{name}_test_ratio" for name in _TESTED),),
-        uses=("vehicle_status", "actuator_armed"),
+        uses=("vehicle_status", "actuator_armed", "estimator_selector_status"),
         fix="Look at the innovations in the report. Check the sensor: a compass near power lines, a GPS antenna "
         "without a view of the sky, vibration.",
-        source="a test ratio above 1 is beyond the gate of EKF2",
+        source="a test ratio above 1 is beyond the gate of EKF2, of the instance in estimator_selector_status",
         example="the estimator rejected the height for 4.9 s, with a test ratio of up to 2.3",
     ),
     FlightRule(
