@@ -159,7 +159,9 @@ def _check_plan(plan: Plan) -> None:
             assert math.isfinite(item.place.altitude)
         else:
             assert item.name in {*BUILT_IN, *OWN}
-    assert all(0.0 < each < math.inf for each in plan.defaults if each is not None)
+    *speeds, rate = plan.defaults  # a vehicle with a rate of 0 keeps its heading
+    assert all(0.0 < each < math.inf for each in speeds if each is not None)
+    assert rate is None or 0.0 <= rate < math.inf
     again = parse_mission(plan.dump(), "again", OWN).plan
     assert (again, again.checksum) == (plan, plan.checksum)
     assert math.isfinite(plan.length)
