@@ -196,8 +196,10 @@ def response_of(loop: Loop, setpoint: Column, measured: Column, spans: Spans) ->
     taps, rows = round(loop.seconds * rate), round(loop.window * rate)
     shared = common(common(_stretches(setpoint), _stretches(measured)), spans)
     found = list(_windows(setpoint, measured, shared, (rate, taps, rows)))
+    if not found:
+        return Response(loop, f"no {loop.window:.0f} s of flight without a gap has samples of both")
     changes = np.array([float(np.ptp(inputs)) for inputs, _ in found])
-    largest = float(changes.max()) if len(changes) else 0.0
+    largest = float(changes.max())
     used = np.flatnonzero(changes >= loop.least)
     if len(used) < _FEWEST_WINDOWS:
         return Response(
