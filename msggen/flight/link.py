@@ -37,6 +37,10 @@ _WAITING: Final = 256
 """How many messages of a topic wait for a program that hangs. Older ones are dropped."""
 
 
+_SETTLED = 0.5
+"""The time in s without a further topic after which those of a vehicle over Zenoh are known."""
+
+
 class Need(NamedTuple):
     """A topic that flights use: its direction, `in` or `out`, and its name in uORB."""
 
@@ -71,6 +75,8 @@ class LinkConnection:
         needs = [*needs]
         await self._known([*needs, *further])
         with _told():
+            if self._vehicle.remote.guid:
+                await self._settled()
             Alone(self._vehicle, _CHOICE).check()
             self._is_by_type = bool(self._vehicle.remote.guid) and self._vehicle.firmware.release == "v1.17"
             if self._vehicle.remote.guid:
@@ -85,6 +91,13 @@ class LinkConnection:
             else:
                 return
         raise errors[0]
+
+    async def _settled(self) -> None:
+        """Wait until no further topic comes: a vehicle over Zenoh tells them one by one. Raises LinkError."""
+        before = -1
+        while (now := len(self._vehicle.routes)) != before:
+            before = now
+            await asyncio.sleep(_SETTLED)
 
     async def wait_alone(self) -> None:
         """Wait until all vehicles on the link have connected. Raises FlightError if there are several to choose from.
