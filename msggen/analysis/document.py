@@ -56,8 +56,12 @@ def fails(document: Mapping[str, Any]) -> bool:
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
+    return {"rule": finding.rule.id, **seen_of(finding), "meaning": finding.rule.purpose, "fix": finding.rule.fix}
+
+
+def seen_of(finding: Finding) -> dict[str, Any]:
+    """Return what was seen as an object of JSON, with null for evidence that is no number."""
     return {
-        "rule": finding.rule.id,
         "level": finding.level,
         "text": finding.text,
         "time": finding.time,
@@ -66,6 +70,4 @@ def _finding(finding: Finding) -> dict[str, Any]:
             name: None if isinstance(value, float) and not isfinite(value) else value
             for name, value in finding.values.items()
         },
-        "meaning": finding.rule.purpose,
-        "fix": finding.rule.fix,
     }

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Generic, Literal, TypeVar
 
 from msggen.base.diagnostics import printable
@@ -15,6 +16,8 @@ RowT = TypeVar("RowT")
 
 BOLD, DIM, RED, YELLOW = 1, 2, 31, 33
 """Styles of texts on a terminal, as numbers of SGR. 0 is none."""
+LEVEL_STYLES: Mapping[str, int] = MappingProxyType({"error": RED, "warning": YELLOW})
+"""The styles of the levels of findings that have one."""
 
 
 def styled(text: str, style: int) -> str:

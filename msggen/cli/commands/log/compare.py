@@ -13,15 +13,12 @@ from msggen.cli.commands.log.arguments import CODES, add_file
 from msggen.cli.commands.log.opening import add_other, both_opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared
-from msggen.cli.table import BOLD, RED, YELLOW, Column, print_table, styled
+from msggen.cli.table import BOLD, LEVEL_STYLES, Column, print_table, styled
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.analysis.compare import Comparison, Difference, Told, Value
-    from msggen.analysis.finding import Finding
     from msggen.recordings import Log
-
-_STYLES = {"error": RED, "warning": YELLOW}
 
 
 def add_to(actions: Commands) -> None:
@@ -92,7 +89,7 @@ def _lines(told: Told) -> Iterator[str]:
     for side, findings, reason in zip(SIDES, (told.first, told.second), told.unsaid, strict=True):
         front = f"only {side}" if told.is_of_one else f"both, {side}"
         for each in findings:
-            level, rule = styled(each.level, _STYLES.get(each.level, 0)), styled(told.rule.id, BOLD)
+            level, rule = styled(each.level, LEVEL_STYLES.get(each.level, 0)), styled(told.rule.id, BOLD)
             time = "" if each.time is None else f" ({each.time:.1f} s)"
             yield Styled(f"{front}: {level} {rule}: {printable(each.text)}{time}")
         if reason and not findings:
@@ -128,6 +125,8 @@ def _print_names(noun: str, side: str, names: Sequence[str]) -> None:
 
 
 def _document(comparison: Comparison, logs: Sequence[Log]) -> dict[str, Any]:
+    from msggen.analysis.document import seen_of
+
     moment = comparison.moment
     return {
         "recordings": [log.path for log in logs],
@@ -136,7 +135,7 @@ def _document(comparison: Comparison, logs: Sequence[Log]) -> dict[str, Any]:
             {
                 "rule": each.rule.id,
                 "level": each.level,
-                "findings": [list(map(_finding, side)) for side in (each.first, each.second)],
+                "findings": [list(map(seen_of, side)) for side in (each.first, each.second)],
                 "unsaid": [reason or None for reason in each.unsaid],
             }
             for each in comparison.findings
@@ -148,14 +147,4 @@ def _document(comparison: Comparison, logs: Sequence[Log]) -> dict[str, Any]:
         "topics": comparison.topics,
         "notes": comparison.notes,
         "problems": [[each.text for each in log.problems] for log in logs],
-    }
-
-
-def _finding(finding: Finding) -> dict[str, Any]:
-    return {
-        "level": finding.level,
-        "text": finding.text,
-        "time": finding.time,
-        "end": finding.end,
-        "values": dict(finding.values),
     }

@@ -21,7 +21,7 @@ from msggen.cli.commands.log.opening import opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar, progress_bar
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, refuse
 from msggen.cli.packages import check_reading, store_errors
-from msggen.cli.table import BOLD, RED, YELLOW, styled
+from msggen.cli.table import BOLD, LEVEL_STYLES, styled
 from msggen.cli.values import local_path, whole
 from msggen.show.report.json import dump
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 _CODES = f"Exit codes: 0 no error or warning found, 1 errors or warnings, or something cannot be read, {FAILED_CODES}"
 _KEYS = (("recording", None, str), ("digest", "", str), ("size", 0, int), ("changed", 0, int), ("error", "", str))
 """The keys of a line that must fit, each with what stands for a missing one, and its type."""
-_STYLES = {"error": RED, "warning": YELLOW}
 
 
 def add_to(actions: Commands) -> None:
@@ -91,7 +90,7 @@ def _lines(document: Mapping[str, Any], *, is_whole: bool) -> Iterator[str]:
     told = set()
     for each in document["findings"]:
         rule = each["rule"]
-        front = f"{styled(each['level'], _STYLES.get(each['level'], 0))} {styled(rule, BOLD)}"
+        front = f"{styled(each['level'], LEVEL_STYLES.get(each['level'], 0))} {styled(rule, BOLD)}"
         yield Styled(f"{front}: {printable(each['text'])}{_when(each['time'], each['end'])}")
         if rule not in told:
             told.add(rule)
