@@ -19,7 +19,6 @@ from msggen.analysis.rules.table import FLIGHT
 from msggen.cli import main
 from msggen.sim.airframes import AIRFRAMES
 from support.examined_flights import Values, findings_in, samples_of, write_flight
-from support.examples import by_day
 from support.repository import shared
 from support.written import write_recording
 
@@ -110,6 +109,7 @@ FORWARD: Mapping[str, Values] = {
     }
 }
 """A VTOL that flies forward for a time."""
+PLANE: Mapping[str, Values] = {"vehicle_status": lambda time: {"arming_state": 1 + (2 <= time < 18), "vehicle_type": 2}}
 HOVER = motors(0.5, 0.5, 0.5, 0.5)
 ROUGH = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -50.0 if 15.35 < time < 15.75 else -9.8)}}
 TAP = {"sensor_combined": lambda time: {"accelerometer_m_s2": (0, 0, -80.0 if 15.5 < time < 15.7 else -9.8)}}
@@ -428,6 +428,12 @@ def cases(px4_types: Any) -> list[Case]:
             "the vehicle touched down at 2.4 m/s",
             {"vehicle_local_position": lambda time: sensed(max(14 - time, 0), 2.4 if time < 12 else 0.6)},
         ),
+        Case(  # a plane without a flare
+            "LANDING_HARD",
+            {"vehicle_local_position": when(14, 15.7, local(vz=2.7), local(vz=0.1)), **PLANE},
+            "the vehicle touched down at 2.7 m/s",
+            {"vehicle_local_position": when(14, 15.7, local(vz=2.03), local(vz=0.1)), **PLANE},
+        ),
         Case(  # disarmed while it descends, and a contact in flight
             "LANDING_HARD",
             {"vehicle_local_position": lambda _: local(vz=2.4)},
@@ -566,7 +572,7 @@ def cases(px4_types: Any) -> list[Case]:
 
 
 RULES = {rule.id: rule for rule in FLIGHT}
-CASES = 59
+CASES = 60
 """The number of cases."""
 
 
@@ -707,7 +713,7 @@ def test_many_short_times_in_the_air_are_examined_at_once(tmp_path: Path, px4_ty
 # quiet flights
 
 
-@by_day("vehicle", [*AIRFRAMES], len(AIRFRAMES))
+@pytest.mark.parametrize("vehicle", [*AIRFRAMES])
 def test_nothing_is_found_in_a_quiet_flight(vehicle: str, tmp_path: Path) -> None:
     assert main(["sim", "--vehicle", vehicle, "--log", str(tmp_path / "a.ulg"), "--quiet"]) == 0
     assert [each for each in findings_in(tmp_path / "a.ulg").findings if each.level != "info"] == []

@@ -124,7 +124,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.night  # installs, and starts the servers of Ray
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in ELSEWHERE])
 def test_a_page_needs_only_what_it_names(page: str, wheel: Path, tmp_path: Path, home: Path) -> None:
     """In a network of its own, because Ray listens on all interfaces, and the ports are those of the page."""
     command = isolated(sys.executable, "-m", "support.pages", page, str(tmp_path / "empty"), "ray")

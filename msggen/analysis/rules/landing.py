@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
 from msggen.check.finding import Category, Severity
+from msggen.messages.vehicle_types import FIXED_WING
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight, Spans
@@ -27,6 +28,8 @@ _FEWEST = 2
 """The samples of a shock."""
 _SPEED, _CRASH = 1.5, 3.0
 """The vertical speeds in m/s from which a landing is hard, and from which it is a crash."""
+_UNFLARED = 1.25
+"""By how much more than its sink rate a plane can touch down."""
 _ACCELERATION = 39.2
 """4 times that of the earth, in m/s²."""
 _SENSORS = ("sensor_combined", "accelerometer_m_s2"), ("vehicle_acceleration", "xyz")
@@ -34,7 +37,7 @@ _SENSORS = ("sensor_combined", "accelerometer_m_s2"), ("vehicle_acceleration", "
 
 def _hard(flight: Flight) -> Iterator[Seen]:
     touches = tuple((_touch(flight, *each) - _BEFORE, each[1]) for each in flight.landings)
-    limit = max(2 * flight.parameter("MPC_LAND_SPEED", 0.7), _SPEED)
+    limit = _limit(flight)
     down = _valid(flight, "vz", "v_z_valid")
     found = flight.above(down, limit, touches)
     if down and found:
@@ -46,6 +49,14 @@ def _hard(flight: Flight) -> Iterator[Seen]:
     shock = next(filter(None, (flight.length(*each) for each in _SENSORS)), None)
     if shock:
         yield from _shocks(flight, shock, touches)
+
+
+def _limit(flight: Flight) -> float:
+    """Return the vertical speed in m/s from which a landing is hard. Planes without a flare keep their sink rate."""
+    kind = flight.recorded.column("vehicle_status", "vehicle_type")
+    if kind and flight.landings and kind.value_at(flight.landings[-1][1]) == FIXED_WING:
+        return max(_UNFLARED * flight.parameter("FW_T_SINK_R_SP", 2.0), _SPEED)
+    return max(2 * flight.parameter("MPC_LAND_SPEED", 0.7), _SPEED)
 
 
 def _shocks(flight: Flight, shock: Column, touches: Spans) -> Iterator[Seen]:
@@ -88,8 +99,8 @@ RULES = (
         uses=("vehicle_status", "actuator_armed", "vehicle_local_position", *(topic for topic, _ in _SENSORS)),
         fix="Look for damage. Lower MPC_LAND_SPEED, add a distance sensor, or check the height estimate if the vehicle "
         "took the ground for lower than it was.",
-        source="twice MPC_LAND_SPEED, 1.5 m/s at least, and 3 m/s for an error; or more than 4 times "
-        "the earth's acceleration for 20 ms",
+        source="twice MPC_LAND_SPEED, or 1.25 times FW_T_SINK_R_SP of a plane, 1.5 m/s at least, and 3 m/s for an "
+        "error; or more than 4 times the earth's acceleration for 20 ms",
         example="the vehicle touched down at 2.4 m/s",
     ),
 )
