@@ -21,8 +21,10 @@ from environment import ROOT
 from messages import read_samples
 from msggen.link.cyclone import Participant
 from msggen.link.dds import LOOPBACK
+from msggen.link.rmw_zenoh.names import PX4_QOS, Attachment, Key, Token, reversed_id
 from msggen.link.xrce.client import Client
 from msggen.link.xrce.client_entities import Settings, Writer
+from msggen.messages.names import stem_of
 from peers import Cyclone
 
 sys.path.insert(0, str(ROOT / "generated"))
@@ -37,7 +39,7 @@ class Load(NamedTuple):
     """What a sender sends."""
 
     kind: str
-    """`udp`; `dds` with raw types; `typed`, which is DDS with the type of cyclonedds."""
+    """`udp`; `zenoh`; `dds` with raw types; `typed`, which is DDS with the type of cyclonedds."""
     place: int
     """The port, or the domain."""
     vehicles: int
@@ -110,6 +112,50 @@ def datagrams(client: Client, sock: socket.socket, samples: Sequence[tuple[int, 
     return found
 
 
+def zenoh(load: Load) -> list[Send]:
+    """Connect vehicles as PX4's module zenoh does, and return a function for each sample of a round."""
+    import zenoh as package
+
+    sends: list[list[Send]] = []
+    for number in range(load.vehicles):
+        session = package.open(client_of(load.place))
+        namespace, guid = f"/uav_{number}" if number else "", struct.pack(">H10xI", 2, number + 1)
+        zid = reversed_id(str(session.info.zid()))
+        vehicle: list[Send] = []
+        for each in endpoints(load.topics):
+            info = each.message.__msg__
+            key = Key(0, namespace + stem_of(each.ros_name), info.ros_type, info.type_hash)
+            token = session.liveliness().declare_token(str(Token(0, zid, "MP", f"px4_{guid.hex()}", key, PX4_QOS)))
+            vehicle.append(puts(session.declare_publisher(str(key)), each.message().encode(), guid, (session, token)))
+        sends.append(vehicle)
+    return [send for together in zip(*sends, strict=True) for send in together]
+
+
+def client_of(port: int) -> Any:
+    """Return the configuration of a client of the router at a port of this computer."""
+    import zenoh as package
+
+    made = package.Config()
+    settings = {"mode": "client", "connect/endpoints": [f"tcp/127.0.0.1:{port}"], "scouting/multicast/enabled": False}
+    for name, value in settings.items():
+        made.insert_json5(name, json.dumps(value))
+    return made
+
+
+def puts(publisher: Any, sample: bytes, guid: bytes, kept: object) -> Send:
+    """Return a function that puts a sample again and again. `kept` lives as long as it."""
+    buffer, sequence = bytearray(sample), 0
+
+    def send(_kept: object = kept) -> None:
+        nonlocal sequence
+        sequence += 1
+        now = time.monotonic_ns()
+        TIMESTAMP.pack_into(buffer, 4, now)
+        publisher.put(bytes(buffer), attachment=Attachment(sequence, now // 1000, guid).pack())
+
+    return send
+
+
 def dds(load: Load) -> list[Send]:
     """Return a function for each topic of DDS."""
     participant = Participant(load.place, LOOPBACK)
@@ -178,7 +224,7 @@ def send_all(sends: Sequence[Send], load: Load) -> int:
 def main() -> None:
     """Send what the argument tells."""
     load = Load(*json.loads(sys.argv[1]))
-    sends = {"udp": udp, "dds": dds, "typed": typed}[load.kind](load)
+    sends = {"udp": udp, "zenoh": zenoh, "dds": dds, "typed": typed}[load.kind](load)
     print("ready", flush=True)
     sys.stdin.readline()
     print(send_all(sends, load), flush=True)

@@ -1,12 +1,14 @@
-"""A program that takes all samples of a vehicle: a process of its own for shared_link.py.
+"""A program that takes all samples of vehicles: a process of its own for shared_link.py and network.py.
 
-Its arguments are `direct` or `shared`, the port, and the number of topics. It prints `ready` when the vehicle has
-opened its topics, and after two lines what arrived between them, as JSON: the count, latencies in us, CPU time in s.
+Its arguments are `direct` or `shared`, the address of the link, and the number of topics of all vehicles. It prints
+`ready` when these are open, and after two lines what arrived between them, as JSON: the count, latencies in us, CPU
+time in s, and the most memory of the process in kB.
 """
 
 from __future__ import annotations
 
 import json
+import resource
 import sys
 import time
 
@@ -30,9 +32,9 @@ class Follower(Meter):
 
 def main() -> None:
     """Take samples until a line is read."""
-    way, port, topics = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    way, address, topics = sys.argv[1], sys.argv[2], int(sys.argv[3])
     follower = Follower(topics)
-    follower.link = open_link(parse_address(f"udp://127.0.0.1:{port}"), is_shared=way == "shared")
+    follower.link = open_link(parse_address(address), is_shared=way == "shared")
     follower.link.start(follower)
     print("open", flush=True)
     try:
@@ -45,7 +47,8 @@ def main() -> None:
         sys.stdin.readline()
         cpu, found = time.process_time() - before, sorted(follower.latencies)
         middle, late = (found[int(len(found) * part)] / 1000 for part in (0.5, 0.99))
-        print(json.dumps([len(found), middle, late, cpu]), flush=True)
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        print(json.dumps([len(found), middle, late, cpu, memory]), flush=True)
     finally:
         follower.link.close()
 

@@ -47,12 +47,13 @@ class Taken(NamedTuple):
     median: float
     late: float
     cpu: float
+    memory: int
 
 
 @contextlib.contextmanager
-def program(way: str, port: int, topics: int) -> Iterator[subprocess.Popen[str]]:
+def program(way: str, address: str, topics: int) -> Iterator[subprocess.Popen[str]]:
     """Run a program until its link is open."""
-    command = [sys.executable, str(HERE / "link_subscriber.py"), way, str(port), str(topics)]
+    command = [sys.executable, str(HERE / "link_subscriber.py"), way, address, str(topics)]
     variables = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipe = subprocess.PIPE
     with subprocess.Popen(command, env=variables, stdin=pipe, stdout=pipe, text=True) as process:
@@ -81,7 +82,8 @@ def measure(name: str, way: str, programs: int, topics: int, rate: float, second
     """Return a row of the table. `rate` is that of a topic, in Hz."""
     port = free_port()
     with contextlib.ExitStack() as stack:
-        started = [stack.enter_context(program(way, port, topics)) for _ in range(programs)]
+        address = f"udp://127.0.0.1:{port}"
+        started = [stack.enter_context(program(way, address, topics)) for _ in range(programs)]
         owner = next((each.state["pid"] for each in running()), 0)
         if owner:
             stack.callback(os.kill, owner, signal.SIGTERM)

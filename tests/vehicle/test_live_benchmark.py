@@ -1,4 +1,4 @@
-"""Tests of benchmarks/link.py and shared_link.py: what is sent arrives and is shown, over UDP and DDS."""
+"""Tests of benchmarks/link.py, shared_link.py and network.py: what is sent arrives and is shown, over each link."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("cyclonedds")
 
 import link
+import network
 import shared_link
 from link_sender import Load
 from support.examples import by_day
@@ -56,3 +57,25 @@ def test_programs_share_a_link_and_are_measured(monkeypatch: pytest.MonkeyPatch)
     assert row[:2] == ["one", "2"]
     assert len(row) == len(shared_link.HEAD)
     assert float(row[6].replace(",", "")) > 0
+
+
+@pytest.mark.night
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the time of a process")
+@pytest.mark.parametrize("way", network.WAYS, ids=lambda way: way.name)
+def test_a_vehicle_is_measured_on_each_way(way: network.Way, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("zenoh")
+    monkeypatch.delenv("MSGGEN_DIRECT")
+    name, *row = network.measure_way(way, 2, 50, 1.0)
+    assert name == way.name
+    assert len(row) == len(network.WAYS_HEAD) - 1
+    assert float(row[3].replace(",", "")) > 0
+    assert float(network.measure_first(way)[1]) > 0
+
+
+@pytest.mark.night
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the time of a process")
+def test_vehicles_behind_three_routers_are_measured() -> None:
+    pytest.importorskip("zenoh")
+    row = network.measure_size(3, 2, 10, 1.0)
+    assert row[:2] == ["3", "60"]
+    assert len(row) == len(network.SIZES_HEAD)
