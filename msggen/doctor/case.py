@@ -54,7 +54,8 @@ class Case(NamedTuple):
         by_key: dict[int, list[Client]] = {}
         for client in sorted(self.seen.clients, key=lambda each: each.age):  # the newest one first
             of_key = by_key.setdefault(client.key, [])
-            if client.silence < (of_key[0].age - _OVERLAP if of_key else SILENT):
+            is_another = all(client.address != each.address for each in of_key)  # or it has begun another session
+            if is_another and client.silence < (of_key[0].age - _OVERLAP if of_key else SILENT):
                 of_key.append(client)
         return {key: tuple(each.address for each in found) for key, found in by_key.items() if key and len(found) > 1}
 

@@ -609,6 +609,13 @@ def test_a_client_that_restarts_does_not_share_its_key(silence: float, age: floa
     assert found == (["KEY_SHARED"] if silence < age - 0.5 else [])
 
 
+@given(st.floats(0, 10), st.floats(0, 20))
+def test_a_client_at_the_address_of_another_one_is_the_same(silence: float, age: float) -> None:
+    """The owner of a link may tell the newest age late: a session that has ended then seems to be heard after it."""
+    earlier = SEEN.clients[0]._replace(silence=silence, age=age + 20, timestamps=0)
+    assert ids(seen(clients=(SEEN.clients[0]._replace(age=age, timestamps=0), earlier))) == []
+
+
 def test_no_client_is_not_told_if_somebody_else_has_it() -> None:
     empty: Mapping[str, Any] = {"vehicles": (), "clients": (), "statistics": Statistics(0, 0, 0, 0, 0, 0)}
     agent = AgentSeen("127.0.0.1:8889", (Process(1, "px4"),))
