@@ -15,7 +15,6 @@ from msggen.flight.answering import Active, Answering, Check
 from msggen.flight.checks import Answers
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection, Topics
-from msggen.flight.declared import check_check, check_executor, check_mode
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
@@ -25,7 +24,7 @@ from msggen.flight.link import LinkConnection
 from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides, check_overrides
-from msggen.flight.part import Part, needed_topics
+from msggen.flight.part import Part, check_check, check_executor, check_mode, needed_topics
 from msggen.flight.registration import ARMED, NONE, REPLY, ArmedError, Ids, Registrar, ids_of
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming, is_asked
