@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.braking import HORIZON, allowed, braked_level, cut, length, slowed_level, way_left
+from msggen.flight.braking import HORIZON, RADIUS, allowed, braked_level, cut, leads_out, length, slowed_level, way_left
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.ranges import Ranges
@@ -20,7 +20,6 @@ from msggen.flight.setpoints import Messages, Values
 from msggen.flight.space import Vector
 from msggen.flight.states import is_on_wings
 from msggen.flight.telemetry import checked_estimate
-from msggen.flight.turning import RADIUS, leads_out
 from msggen.flight.usage import LIMITS, explained_class
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind
 

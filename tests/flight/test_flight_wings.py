@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msggen.flight.braking import RADIUS
 from msggen.flight.connection import Topics
 from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
 from msggen.flight.flight import Flight
@@ -18,7 +19,6 @@ from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace
 from msggen.flight.ranges import Ranges
-from msggen.flight.turning import RADIUS
 from msggen.messages.nav_states import RETURN
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES
 from msggen.sim import Options
