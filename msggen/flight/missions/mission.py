@@ -15,7 +15,7 @@ from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import first
-from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, settings_of
+from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, is_built_in, settings_of, takeoff_problems
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
@@ -24,7 +24,6 @@ from msggen.flight.missions.handler import (
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode
-from msggen.flight.missions.lifting import is_built_in, takeoff_problems
 from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
