@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from msggen.flight.answering import Check
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.checks import Health, Problem, Severity
+from msggen.flight.checks import GLOBAL_POSITION, LOCAL_POSITION, Health, Problem, Requirement, Severity
 from msggen.flight.errors import (
     FlightError,
     LimitError,
@@ -25,7 +25,6 @@ from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
-from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
 from msggen.messages.events import Component
 from msggen.messages.setpoints import (

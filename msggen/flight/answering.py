@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, TypeVar
 
-from msggen.flight.checks import Health, Problem, Verdict
+from msggen.flight.checks import Health, Problem, Requirement, Verdict
 from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, report
 from msggen.flight.registration import Ids
-from msggen.flight.requirements import Requirement
 
 _Found = TypeVar("_Found")
 

@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 from msggen.flight import usage
 from msggen.flight.actuators import Actuated
 from msggen.flight.answering import Answering
+from msggen.flight.checks import Requirement, named
 from msggen.flight.errors import FlightError
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace, local_place
-from msggen.flight.requirements import Requirement, named
 from msggen.flight.rovers import Driven
 from msggen.flight.sending import Registered
 from msggen.flight.setpoints import check_seconds, finite, in_range

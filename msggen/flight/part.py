@@ -7,6 +7,7 @@ from inspect import iscoroutinefunction
 from typing import Final, NamedTuple, get_args
 
 from msggen.flight.answering import Check
+from msggen.flight.checks import Requirement
 from msggen.flight.connection import Connection, Topics
 from msggen.flight.errors import RegistrationError
 from msggen.flight.executor import Executor, Start
@@ -15,7 +16,6 @@ from msggen.flight.link import Need
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Keeps
 from msggen.flight.registration import Wanted
-from msggen.flight.requirements import Requirement
 from msggen.flight.space import Frame
 from msggen.messages.nav_states import EXTERNAL
 from msggen.messages.setpoints import SENT, Kind

@@ -9,7 +9,7 @@ from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.answering import Active
-from msggen.flight.checks import Problem, Verdict
+from msggen.flight.checks import Problem, Requirement, Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
@@ -19,7 +19,6 @@ from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
-from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of

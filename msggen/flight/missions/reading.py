@@ -10,7 +10,6 @@ from msggen.base.checked import shortened
 from msggen.base.diagnostics import Diagnostic, InputError, input_error, sorted_out, suggestion
 from msggen.base.disk.reading import read_text
 from msggen.base.location import Places
-from msggen.flight.missions import plan
 from msggen.flight.missions.located import BrokenError, Value, read
 from msggen.flight.missions.plan import (
     CHANGE,
@@ -68,7 +67,7 @@ _LIMITS = (
     _limit("m/s", HEIGHT_RATE.least, HEIGHT_RATE.most),
     _limit("degrees/s", TURN_RATE.most, is_above_0=False),
 )
-LIMITS: Final[Mapping[str, Expected]] = MappingProxyType(dict(zip(plan.SETTINGS, _LIMITS, strict=True)))
+LIMITS: Final[Mapping[str, Expected]] = MappingProxyType(dict(zip(SETTINGS, _LIMITS, strict=True)))
 """The limits of a flight. At a speed of 0, PX4 does not move, and would never arrive; without turning, it does."""
 ARGUMENTS: Final[Mapping[str, Mapping[str, Expected]]] = MappingProxyType(
     {
@@ -76,7 +75,7 @@ ARGUMENTS: Final[Mapping[str, Mapping[str, Expected]]] = MappingProxyType(
         "land": {},
         "rtl": {},
         "hold": {"duration": NOT_NEGATIVE},
-        plan.CHANGE: {**LIMITS, plan.RESET: TRUTH},
+        CHANGE: {**LIMITS, RESET: TRUTH},
     }
 )
 """The actions that every mission has, and the arguments that each takes."""
