@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from msggen.flight.answering import Check
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.checks import GLOBAL_POSITION, LOCAL_POSITION, Health, Problem, Requirement, Severity
+from msggen.flight.checks import GLOBAL_POSITION, LOCAL_POSITION, Check, Health, Problem, Requirement, Severity
 from msggen.flight.errors import (
     FlightError,
     LimitError,

@@ -9,7 +9,7 @@ from types import MappingProxyType, ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
-from msggen.flight.answering import Check
+from msggen.flight.checks import Check
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending

@@ -10,8 +10,7 @@ from typing import Any, ClassVar
 
 from msggen.flight import usage
 from msggen.flight.actuators import Actuated
-from msggen.flight.answering import Answering
-from msggen.flight.checks import Requirement, named
+from msggen.flight.checks import Answering, Requirement, named
 from msggen.flight.errors import FlightError
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits

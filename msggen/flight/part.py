@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from inspect import iscoroutinefunction
 from typing import Final, NamedTuple, get_args
 
-from msggen.flight.answering import Check
-from msggen.flight.checks import Requirement
+from msggen.flight.checks import Check, Requirement
 from msggen.flight.connection import Connection, Topics
 from msggen.flight.errors import RegistrationError
 from msggen.flight.executor import Executor, Start

@@ -11,8 +11,7 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.actions import Actions
-from msggen.flight.answering import Active, Answering, Check
-from msggen.flight.checks import Answers
+from msggen.flight.checks import Active, Answering, Answers, Check
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched

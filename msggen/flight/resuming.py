@@ -7,8 +7,7 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any
 
-from msggen.flight.answering import Check
-from msggen.flight.checks import Answers, Verdict
+from msggen.flight.checks import Answers, Check, Verdict
 from msggen.flight.errors import NoAnswerError, RegistrationError
 from msggen.flight.feeds import Feeds
 from msggen.flight.memory import Memory, Remembered, booted

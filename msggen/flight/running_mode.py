@@ -8,8 +8,7 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
-from msggen.flight.answering import Active
-from msggen.flight.checks import Problem, Requirement, Verdict
+from msggen.flight.checks import Active, Problem, Requirement, Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.feeds import Feeds
