@@ -19,9 +19,8 @@ from unittest.mock import patch
 
 from fuzz.sessions import SETTINGS
 from msggen.flight import memory
-from msggen.flight.memory import Memory, Remembered
 from msggen.flight.registration import Ids
-from msggen.flight.resuming import _is_same_boot
+from msggen.flight.resuming import Memory, Remembered, _is_same_boot
 from msggen.link import session_files
 from msggen.link.link import Opened
 from msggen.link.session_files import Records, pack
