@@ -22,10 +22,10 @@ from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.part import NEEDED, Part
-from msggen.flight.ranges import Ranges
 from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
+from msggen.flight.setpoints import Ranges
 from msggen.flight.space import Frame
 from msggen.flight.states import is_armed
 from msggen.flight.telemetry import Telemetry, is_landed

@@ -18,7 +18,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace
-from msggen.flight.ranges import Ranges
+from msggen.flight.setpoints import Ranges
 from msggen.messages.nav_states import RETURN
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES
 from msggen.sim import Options
