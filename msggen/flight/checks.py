@@ -18,6 +18,21 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.registration import Ids
 from msggen.messages.events import COMPONENT, SIZE, Component, event_id, packed
 
+_Found = TypeVar("_Found")
+_MOST_AT_ONCE = 4
+"""How many replies PX4's queue holds before v1.18."""
+_PAUSE = 0.012
+"""The time in s within which PX4's commander reads the replies."""
+_AGAIN = 0.1
+"""The time in s after which a reply is sent again, because the first one can get lost."""
+_OVERDUE = 0.33
+"""The time in s after a request by which the next one is overdue: PX4 sends one every 0.31 s."""
+_INTERVAL = 0.314
+_MOST_LOST = 3
+"""How many overdue requests in a row are answered."""
+_NUMBERS = 256
+_MOST_EVENTS = 5
+
 
 class Requirement(Flag):
     """Requirements of a mode, to be combined with `|`: `mode_req_...` of ArmingCheckReply."""
@@ -54,21 +69,6 @@ GLOBAL_POSITION = LOCAL_POSITION | Requirement.GLOBAL_POSITION
 def named(names: Iterable[str]) -> Requirement:
     """Return the requirements with names such as `local_position`."""
     return reduce(or_, (Requirement[name.upper()] for name in names), Requirement.NONE)
-
-
-_MOST_AT_ONCE = 4
-"""How many replies PX4's queue holds before v1.18."""
-_PAUSE = 0.012
-"""The time in s within which PX4's commander reads the replies."""
-_AGAIN = 0.1
-"""The time in s after which a reply is sent again, because the first one can get lost."""
-_OVERDUE = 0.33
-"""The time in s after a request by which the next one is overdue: PX4 sends one every 0.31 s."""
-_INTERVAL = 0.314
-_MOST_LOST = 3
-"""How many overdue requests in a row are answered."""
-_NUMBERS = 256
-_MOST_EVENTS = 5
 
 
 class Severity(IntEnum):
@@ -240,9 +240,6 @@ class Answers:
         levels = problem.severity << 4 | problem.severity  # for the log, and for ground stations
         arguments = bytes([*bytes(COMPONENT), component]) + packed(problem.arguments)
         return cls(id=problem.number, log_levels=levels, arguments=arguments.ljust(SIZE, b"\0"))
-
-
-_Found = TypeVar("_Found")
 
 
 class Answering(Hinted):

@@ -46,6 +46,16 @@ _LARGEST_EXECUTOR: Final = 127
 """RegisterExtComponentReply.mode_executor_id is an int8."""
 _TOUCH = 0.5
 """The period in s at which a program notes that it is alive."""
+FRESH = 2.0
+"""The age in s up to which the ids of an earlier program are surely valid: no vehicle restarts faster."""
+_HEARD = 2.0
+_REMOVED = 0.05
+"""The time in s within which a vehicle removes a mode."""
+_SAME = 1.0
+"""By how many s the time of a boot may differ: messages take different times. A restart takes longer."""
+_TRIES = 3
+_ASKED = 0.5
+"""The time in s to wait for an arming-check request: the vehicle sends one every 0.3 s."""
 
 
 class Remembered(NamedTuple):
@@ -227,19 +237,6 @@ def _stamp(path: str) -> None:
     now = time.monotonic_ns()
     with suppress(OSError):
         os.utime(path, ns=(now, now))
-
-
-LOGGER = getLogger("msggen.flight")
-FRESH = 2.0
-"""The age in s up to which the ids of an earlier program are surely valid: no vehicle restarts faster."""
-_HEARD = 2.0
-_REMOVED = 0.05
-"""The time in s within which a vehicle removes a mode."""
-_SAME = 1.0
-"""By how many s the time of a boot may differ: messages take different times. A restart takes longer."""
-_TRIES = 3
-_ASKED = 0.5
-"""The time in s to wait for an arming-check request: the vehicle sends one every 0.3 s."""
 
 
 class Resuming:

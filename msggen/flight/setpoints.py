@@ -16,6 +16,7 @@ from msggen.flight.feeds import Feeds
 from msggen.messages.ranges import DEFAULTS, RANGES, Range
 from msggen.messages.setpoints import FIXED_WING, GOTO, OTHER_FAILURE, TRAJECTORY, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 
+LOGGER = getLogger("msggen.flight")
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
@@ -29,6 +30,8 @@ _REPEATS = 3
 """How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
 _RENEWED = 1.0
 """The period in s of the messages that configure setpoints."""
+_NONE: Final[Mapping[str, float]] = MappingProxyType({})
+_ANOTHER: Final = "`Flight(..., parameters={{...}})` says what the vehicle has as {}"
 
 Values: TypeAlias = Mapping[str, Mapping[str, Any]]
 """The fields of messages by their topics, in the order of sending."""
@@ -255,10 +258,6 @@ class Stream:
             self._timer = None
 
 
-LOGGER = getLogger("msggen.flight")
-_NONE: Final[Mapping[str, float]] = MappingProxyType({})
-
-
 class Ranges:
     """The ranges of a vehicle. What the program does not say is as in PX4's documentation."""
 
@@ -305,6 +304,3 @@ class Ranges:
                 *(found.what, value, found.unit, usual, bound.parameter, bound.default),
                 _ANOTHER.format(bound.parameter),
             )
-
-
-_ANOTHER: Final = "`Flight(..., parameters={{...}})` says what the vehicle has as {}"
