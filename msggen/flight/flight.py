@@ -14,6 +14,7 @@ from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
 from msggen.flight.errors import FlightError, RegistrationError
+from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
@@ -28,7 +29,7 @@ from msggen.flight.running_mode import ActiveMode
 from msggen.flight.setpoints import Ranges
 from msggen.flight.space import Frame
 from msggen.flight.states import is_armed
-from msggen.flight.telemetry import Telemetry, is_landed
+from msggen.flight.telemetry import Telemetry
 from msggen.link.link_types import DEFAULT
 
 if TYPE_CHECKING:

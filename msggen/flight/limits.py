@@ -14,11 +14,11 @@ from typing import Any, Final, NamedTuple
 
 from msggen.flight.braking import HORIZON, RADIUS, allowed, braked_level, cut, leads_out, length, slowed_level, way_left
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
+from msggen.flight.estimates import checked_estimate
 from msggen.flight.feeds import Feeds
 from msggen.flight.setpoints import Messages, Ranges, Values
 from msggen.flight.space import Vector
 from msggen.flight.states import is_on_wings
-from msggen.flight.telemetry import checked_estimate
 from msggen.flight.usage import LIMITS, explained_class
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind
 

@@ -12,6 +12,7 @@ from msggen.flight import usage
 from msggen.flight.actuators import Actuated
 from msggen.flight.checks import Answering, Requirement, named
 from msggen.flight.errors import FlightError
+from msggen.flight.estimates import is_estimate, no_estimate, valid_estimate
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps
@@ -20,7 +21,7 @@ from msggen.flight.rovers import Driven
 from msggen.flight.sending import Registered
 from msggen.flight.setpoints import check_seconds, finite, in_range
 from msggen.flight.space import Vector, heading_of, turned, turned_heading
-from msggen.flight.telemetry import Telemetry, is_estimate, no_estimate, valid_estimate
+from msggen.flight.telemetry import Telemetry
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
 from msggen.flight.vtol import TRANSITION

@@ -10,7 +10,6 @@ import asyncio
 import json
 import math
 import os
-import tempfile
 import time
 from contextlib import suppress
 from hashlib import blake2b
@@ -25,7 +24,7 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.registration import NONE, Ids, Registrar
 from msggen.flight.states import is_disarmed
-from msggen.link.session_files import boot_id, is_own, records_folder, set_aside
+from msggen.link.session_files import boot_id, is_own, records_folder, replace_stamped, set_aside, stamp
 from msggen.messages.nav_states import EXTERNAL
 
 try:
@@ -125,7 +124,7 @@ class Memory:
             return
         self._written[ids.name] = content
         try:
-            self._replace(self._path(ids.name), json.dumps({**content, "booted": booted(status)}).encode())
+            replace_stamped(self._path(ids.name), json.dumps({**content, "booted": booted(status)}).encode())
         except OSError as error:
             self._tell(error)
 
@@ -135,7 +134,7 @@ class Memory:
         if now - self._touched >= _TOUCH:
             self._touched = now
             for name in self._written:
-                _stamp(self._path(name))
+                stamp(self._path(name))
 
     def release(self, name: str) -> None:
         """Unlock a name for other programs."""
@@ -193,18 +192,6 @@ class Memory:
             return bool(field(content, "vehicle") == self._vehicle and not truth(field(content, "is_over")))
         return False
 
-    def _replace(self, path: str, data: bytes) -> None:
-        handle, temporary = tempfile.mkstemp(dir=self._folder, prefix=".")  # mode 0600
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            _stamp(temporary)
-            os.replace(temporary, path)
-        except OSError:
-            with suppress(OSError):
-                os.unlink(temporary)
-            raise
-
     def _path(self, name: str) -> str:
         digest = blake2b(f"{self._vehicle}\n{name}".encode("utf-8", "backslashreplace"), digest_size=12)
         return os.path.join(self._folder, f"{digest.hexdigest()}{_SUFFIX}")
@@ -231,12 +218,6 @@ def booted(status: Any) -> float:
     """Return when a vehicle has booted, by the monotonic clock in s, or NaN if its timestamps do not tell that."""
     timestamp = getattr(status, "timestamp", _UTC)
     return math.nan if timestamp >= _UTC else time.monotonic() - timestamp / 1e6
-
-
-def _stamp(path: str) -> None:
-    now = time.monotonic_ns()
-    with suppress(OSError):
-        os.utime(path, ns=(now, now))
 
 
 class Resuming:

@@ -11,6 +11,7 @@ from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.checks import Active, Problem, Requirement, Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
+from msggen.flight.estimates import checked_estimate, is_landed
 from msggen.flight.feeds import Feeds
 from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, lacks, use_for
 from msggen.flight.gotos import NO_LIFT
@@ -22,7 +23,6 @@ from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of
 from msggen.flight.steering import Steering
-from msggen.flight.telemetry import checked_estimate, is_landed
 from msggen.flight.vtol import change, must_change
 from msggen.messages.commands import OF_MODE
 from msggen.messages.setpoints import FIXED_WING, TRAJECTORY, Kind

@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from msggen.flight.commands import Commands
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
+from msggen.flight.estimates import is_known_in_air
 from msggen.flight.feeds import Feeds
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, title_of
-from msggen.flight.telemetry import is_known_in_air
 from msggen.messages import commands
 from msggen.messages.vehicle_types import VtolState
 

@@ -89,8 +89,9 @@ def ended(vehicle: PacedVehicle) -> None:
     ],
 )
 def test_each_coroutine_has_a_method_with_its_name_and_parameters(own: type, other: type) -> None:
-    public = {name: inspect.unwrap(getattr(other, name, None)) for name in dir(other) if not name.startswith("_")}
-    names = [name for name, each in public.items() if inspect.iscoroutinefunction(each) or name == "trajectory"]
+    public: dict[str, Any] = {name: getattr(other, name) for name in dir(other) if not name.startswith("_")}
+    methods = {name: inspect.unwrap(each) for name, each in public.items() if callable(each)}
+    names = [name for name, each in methods.items() if inspect.iscoroutinefunction(each) or name == "trajectory"]
     assert names
     for name in names:
         found, expected = inspect.signature(getattr(own, name)), inspect.signature(getattr(other, name))

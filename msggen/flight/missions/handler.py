@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Literal, TypeAlias
 from msggen.base.diagnostics import suggestion
 from msggen.flight.actions import Actions
 from msggen.flight.errors import FlightError, RefusedError, report
+from msggen.flight.estimates import has_landed
 from msggen.flight.executor import Executor
 from msggen.flight.missions.legs import MissionMode, Segment
 from msggen.flight.missions.plan import ActionItem, Plan, Settings
 from msggen.flight.places import GlobalPlace
-from msggen.flight.telemetry import has_landed
 
 LOGGER = getLogger("msggen.flight")
 

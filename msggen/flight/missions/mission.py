@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
+from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import first
 from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, is_built_in, settings_of, takeoff_problems
@@ -29,7 +30,6 @@ from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.setpoints import check_seconds
 from msggen.flight.states import is_disarmed
-from msggen.flight.telemetry import is_landed
 
 LOGGER = getLogger("msggen.flight")
 _DEEPEST = 11
