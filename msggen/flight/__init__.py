@@ -83,7 +83,7 @@ if not TYPE_CHECKING:  # type checkers would accept every name
 
     def __getattr__(name: str) -> object:
         """Raise AttributeError, or ImportError to `import`. It tells the name of msggen for that of another library."""
-        from msggen.flight.elsewhere import IMPORTED, is_import, told
+        from msggen.flight.usage import IMPORTED, is_import, told
 
         text = told(f"module {__name__!r}", name, __all__, IMPORTED)
         if name in IMPORTED and is_import(sys._getframe(1)):  # noqa: SLF001 - nothing else tells it

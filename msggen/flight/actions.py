@@ -12,7 +12,6 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.commands import Commands
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
 from msggen.flight.estimates import is_known_in_air, is_known_landed, is_landed, valid_estimate
 from msggen.flight.feeds import Condition, Feeds, first
@@ -21,7 +20,7 @@ from msggen.flight.places import GlobalPlace, OnEarth, local_place, sea_level
 from msggen.flight.planes import circling, until_disarmed
 from msggen.flight.setpoints import finite, in_range
 from msggen.flight.states import described, is_armed, is_disarmed, is_on_wings, is_plane, is_rover, name_of
-from msggen.flight.usage import ON_EARTH, explained
+from msggen.flight.usage import ON_EARTH, Hinted, explained
 from msggen.flight.vtol import TRANSITION, change, must_change
 from msggen.messages import commands, earth
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, SELECTABLE, TAKEOFF, mode_number

@@ -11,7 +11,6 @@ from functools import wraps
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, runtime_checkable
 
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError
 from msggen.flight.flight import Flight
 from msggen.flight.measured import Measuring, Sample
@@ -22,6 +21,7 @@ from msggen.flight.setpoints import check_seconds
 from msggen.flight.space import Frame
 from msggen.flight.telemetry import Telemetry
 from msggen.flight.trajectory import Steered, Trajectory
+from msggen.flight.usage import Hinted
 
 if TYPE_CHECKING:
     from typing_extensions import Self

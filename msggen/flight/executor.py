@@ -7,10 +7,10 @@ from contextlib import AbstractAsyncContextManager
 from typing import ClassVar, Literal, Protocol, TypeAlias
 
 from msggen.flight.actions import Actions
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps, Overrides
+from msggen.flight.usage import Hinted
 from msggen.flight.vtol import TRANSITION
 
 Start: TypeAlias = Literal["armed", "selected", "registered"]

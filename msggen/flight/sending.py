@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Protocol
 
 from msggen.flight.actions import Actions
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.feeds import Feeds
 from msggen.flight.overrides import Overrides
 from msggen.flight.setpoints import Values
 from msggen.flight.space import Frame, Vector
+from msggen.flight.usage import Hinted
 from msggen.messages.setpoints import Kind
 
 

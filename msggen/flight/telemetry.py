@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
 
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import NoAnswerError
 from msggen.flight.estimates import FRESH, SLOW, is_estimate
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
+from msggen.flight.usage import Hinted
 from msggen.messages import vehicle_types
 
 _Value = TypeVar("_Value")

@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, heading_of, three, turned
-from msggen.flight.usage import BY_NAME, explained
+from msggen.flight.usage import BY_NAME, Hinted, explained
 
 FREE: Final = (math.nan, math.nan, math.nan)
 """A vector that is not controlled."""
