@@ -11,9 +11,8 @@ from operator import or_
 from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 from msggen.base.diagnostics import suggestion
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, report
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.registration import Ids
 from msggen.flight.usage import Hinted
 from msggen.messages.events import COMPONENT, SIZE, Component, event_id, packed

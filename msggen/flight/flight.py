@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 from msggen.flight.actions import Actions
 from msggen.flight.checks import Check
 from msggen.flight.commands import Commands
-from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
 from msggen.flight.errors import FlightError, RegistrationError
 from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
 from msggen.flight.measurements import Measurements

@@ -9,10 +9,9 @@ from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 from msggen.flight.actions import Actions
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import NotReachedError
 from msggen.flight.estimates import checked_estimate, is_estimate
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.setpoints import Stream

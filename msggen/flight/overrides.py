@@ -8,9 +8,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any, NamedTuple
 
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 
 _REQUEST, _CONFIRM = "config_overrides_request", "config_overrides_confirm"
 _LONGEST = 32767

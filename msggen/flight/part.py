@@ -7,9 +7,9 @@ from inspect import iscoroutinefunction
 from typing import Final, NamedTuple, get_args
 
 from msggen.flight.checks import Check, Requirement
-from msggen.flight.connection import Connection, Topics
 from msggen.flight.errors import RegistrationError
 from msggen.flight.executor import Executor, Start
+from msggen.flight.feeds import Connection, Topics
 from msggen.flight.limits import Limits
 from msggen.flight.link import Need
 from msggen.flight.mode import Mode

@@ -13,10 +13,9 @@ from typing import Any
 from msggen.flight.actions import Actions
 from msggen.flight.checks import Active, Answering, Answers, Check
 from msggen.flight.commands import Commands
-from msggen.flight.connection import Connection, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
 from msggen.flight.executor import Executor
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics
 from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
 from msggen.flight.link import LinkConnection

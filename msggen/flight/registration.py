@@ -6,9 +6,8 @@ import asyncio
 import random
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import RegistrationError, UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.states import is_armed
 
 NAME_SIZE: Final = 25

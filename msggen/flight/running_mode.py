@@ -9,10 +9,9 @@ from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.checks import Active, Problem, Requirement, Verdict
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
 from msggen.flight.estimates import checked_estimate, is_landed
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, lacks, use_for
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence

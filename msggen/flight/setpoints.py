@@ -10,9 +10,8 @@ from types import MappingProxyType
 from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from msggen.base.diagnostics import suggestion
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.messages.ranges import DEFAULTS, RANGES, Range
 from msggen.messages.setpoints import FIXED_WING, GOTO, OTHER_FAILURE, TRAJECTORY, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 

@@ -7,9 +7,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from msggen.flight.connection import Topics, filled
 from msggen.flight.estimates import is_landed, valid_estimate
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Feeds, Topics, filled
 from msggen.flight.limits import Fence
 from msggen.flight.rovers import stopping
 from msggen.flight.setpoints import Messages, Stream, Values

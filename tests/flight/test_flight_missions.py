@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.connection import Topics
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError, UnsupportedError
+from msggen.flight.feeds import Topics
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.missions import (

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.flight.braking import RADIUS
-from msggen.flight.connection import Topics
 from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
+from msggen.flight.feeds import Topics
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
