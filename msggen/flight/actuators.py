@@ -49,7 +49,7 @@ class Actuated(Sends):
 
     def _controls(self, topic: str, values: Sequence[float | None], what: str) -> tuple[float, ...]:
         """Return a value for each actuator of a message, NaN for those that are stopped. Raises ValueError."""
-        most = len(self._own.class_of(topic)().control)
+        most = len(self._own.topics.incoming(topic)().control)
         if len(values) > most:
             raise ValueError(f"expected {most} {what}s at most, got {len(values)}: this firmware has no more")
         given = [math.nan if value is None else in_range(value, -1.0, f"a {what}") for value in values]

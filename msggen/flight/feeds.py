@@ -1,4 +1,4 @@
-"""The messages of a vehicle, in the thread of the program's event loop: the last of each topic, and waiting for others."""
+"""The messages of a vehicle in the event loop of a program: the last of each topic, and waiting for others."""
 
 from __future__ import annotations
 
@@ -14,9 +14,20 @@ from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, Un
 from msggen.flight.states import described, is_disarmed
 from msggen.messages.setpoints import MODES, SENT, Kind
 
+_Result = TypeVar("_Result")
+SILENCE = 10.0
+"""The time in s without a VehicleStatus after which nothing is expected any more. PX4 restarts faster."""
+_LOOK = 1.0
+"""The time in s between two looks at the age of the last VehicleStatus."""
+_GRACE = 0.5
+"""The time in s for which a message can still arrive after the vehicle has left a mode."""
+_TRIES, _PATIENCE = 5, 0.3
+ANY_MODE: Final = range(256)
+"""All values of a nav_state."""
+Condition = Callable[[Any], bool]
+"""Says whether a message is the one that a task waits for."""
 Take = Callable[[Any], None]
 """Takes a message."""
-
 Recall = Callable[[Any, float], None]
 """Takes a message from before the subscription, and its age in s."""
 
@@ -103,19 +114,6 @@ def filled(cls: Any, **values: Any) -> Any:
     """Return a message with the values that its class has fields for, because releases differ."""
     names = {field.name for field in cls.__msg__.fields}
     return cls(**{name: value for name, value in values.items() if name in names})
-
-
-_Result = TypeVar("_Result")
-SILENCE = 10.0
-"""The time in s without a VehicleStatus after which nothing is expected any more. PX4 restarts faster."""
-_LOOK = 1.0
-"""The time in s between two looks at the age of the last VehicleStatus."""
-_GRACE = 0.5
-"""The time in s for which a message can still arrive after the vehicle has left a mode."""
-ANY_MODE: Final = range(256)
-"""All values of a nav_state."""
-Condition = Callable[[Any], bool]
-"""Says whether a message is the one that a task waits for."""
 
 
 class Feed:
@@ -221,6 +219,19 @@ class Feeds:
     def has(self, topic: str) -> bool:
         """Whether the firmware publishes a topic, as far as its types tell."""
         return self._topics.has("out", topic)
+
+    def shows(self, condition: Condition) -> bool:
+        """Whether the last VehicleStatus meets a condition."""
+        status = self["vehicle_status"].latest
+        return status is not None and condition(status)
+
+    async def answer(self, topic: str, send: Callable[[], None], condition: Condition, text: str) -> Any:
+        """Send a request up to five times, each 0.3 s, and return the message that answers it. Raises NoAnswerError."""
+        for _ in range(_TRIES):
+            send()
+            with suppress(TimeoutError):
+                return await self[topic].following(condition, _PATIENCE)
+        raise self.no_answer(text)
 
     async def within(
         self, modes: Container[int], waiting: Awaitable[_Result], what: str, *, may_land: bool = True

@@ -240,8 +240,7 @@ class Flight(Actions):
     @property
     def is_armed(self) -> bool:
         """Whether the vehicle is armed."""
-        status = self._feeds["vehicle_status"].latest
-        return status is not None and is_armed(status)
+        return self._feeds.shows(is_armed)
 
     @property
     def mode(self) -> str:

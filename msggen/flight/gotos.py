@@ -54,10 +54,10 @@ class Goto(NamedTuple):
         status = own.feeds["vehicle_status"].latest
         if is_rover(status):
             self._check_takes(status, "max_speed")
-            own.check_goto(self.place._replace(z=math.nan))
+            own.fence.check_goto(self.place._replace(z=math.nan))
             await self._drive(own)
             return
-        own.check_goto(self.place)
+        own.fence.check_goto(self.place)
         if is_landed(own.feeds):
             raise NotReachedError(f"{name} is on the ground, and goto {NO_LIFT}")
         if is_on_wings(status):

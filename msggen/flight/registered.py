@@ -355,8 +355,7 @@ class Parts:
 
     def _remove_selected(self, ids: Ids) -> None:
         """Unregister a mode that the vehicle keeps although it does not answer, because it is selected."""
-        status = self._feeds["vehicle_status"].latest
-        if status is not None and status.nav_state_user_intention == ids.mode:
+        if self._feeds.shows(lambda each: each.nav_state_user_intention == ids.mode):
             self._registrar.unregister(ids)
 
     def _renew(self) -> None:

@@ -189,8 +189,7 @@ class Registrar:
 
     def _refusal(self, wanted: Wanted) -> RegistrationError:
         """Return the error of a refusal with its likely reason. The reply of the vehicle has none."""
-        status = self._feeds["vehicle_status"].latest
-        if status is not None and is_armed(status):
+        if self._feeds.shows(is_armed):
             return ArmedError(f"{wanted.name}: {ARMED}")
         if wanted.replaces is not None:
             why = f"another mode already replaces mode {wanted.replaces}, or no slot is free"

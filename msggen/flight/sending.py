@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Protocol
 
 from msggen.flight.actions import Actions
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Feeds, Topics
+from msggen.flight.limits import Fence
 from msggen.flight.overrides import Overrides
 from msggen.flight.setpoints import Values
-from msggen.flight.space import Frame, Vector
+from msggen.flight.space import Frame
 from msggen.flight.usage import Hinted
 from msggen.messages.setpoints import Kind
 
@@ -18,6 +19,8 @@ class Registered(Protocol):
     """The connection of a registered mode to the vehicle."""
 
     feeds: Feeds
+    topics: Topics
+    fence: Fence
     overrides: Overrides
     actions: Actions
 
@@ -33,15 +36,6 @@ class Registered(Protocol):
 
     def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
         """Send a setpoint from now on whose values a function returns each time."""
-
-    def class_of(self, topic: str) -> Any:
-        """Return the class of a message to the vehicle. Raises UnsupportedError."""
-
-    def check_goto(self, place: Vector) -> None:
-        """See Fence."""
-
-    def check_ranges(self, values: Values) -> None:
-        """See Ranges."""
 
     def hold(self) -> None:
         """Hold the place where the vehicle is. Raises UnsupportedError."""

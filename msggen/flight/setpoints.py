@@ -17,7 +17,6 @@ from msggen.messages.setpoints import FIXED_WING, GOTO, OTHER_FAILURE, TRAJECTOR
 
 LOGGER = getLogger("msggen.flight")
 _TIMEOUT_MS = 500
-_TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
 _HUNG = 0.5
 """The time in s without the event loop after which setpoints are not repeated."""
@@ -126,15 +125,12 @@ class Configuration:
         return cls(type=kind.number, source_id=self._mode, should_apply=is_applied, timeout_ms=_TIMEOUT_MS)
 
     async def _ask(self, kind: Kind) -> Any:
-        for _ in range(_TRIES):
-            self._connection.publish("setpoint_config", self._request(kind, is_applied=False))
-            try:
-                return await self._feeds["setpoint_config_reply"].following(
-                    lambda reply: bool(reply.source_id == self._mode and reply.type == kind.number), _PATIENCE
-                )
-            except TimeoutError:
-                continue
-        raise self._feeds.no_answer(f"the vehicle has not answered whether it supports {kind.name} setpoints")
+        return await self._feeds.answer(
+            "setpoint_config_reply",
+            lambda: self._connection.publish("setpoint_config", self._request(kind, is_applied=False)),
+            lambda reply: bool(reply.source_id == self._mode and reply.type == kind.number),
+            f"the vehicle has not answered whether it supports {kind.name} setpoints",
+        )
 
 
 _SAME = (GOTO, FIXED_WING)

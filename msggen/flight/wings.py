@@ -210,5 +210,4 @@ def circle_centre(estimate: Any) -> Vector:
 
 def thrust_vector(feeds: Feeds, share: float) -> tuple[float, float, float]:
     """Return the thrust from 0 to 1 in FRD: forward on wings, else upward."""
-    status = feeds["vehicle_status"].latest
-    return (share, 0.0, 0.0) if status is not None and is_on_wings(status) else (0.0, 0.0, -share)
+    return (share, 0.0, 0.0) if feeds.shows(is_on_wings) else (0.0, 0.0, -share)

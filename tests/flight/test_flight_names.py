@@ -55,7 +55,7 @@ def test_a_name_that_is_only_looked_for_is_no_error(name: str) -> None:
 def test_only_public_names_are_completed_and_modules_can_be_imported() -> None:
     assert dir(msggen.flight) == sorted(msggen.flight.__all__)
     sys.modules.pop("msggen.flight.usage")
-    exec("from msggen.flight import elsewhere, Flight, Mode")  # noqa: S102 - as above
+    exec("from msggen.flight import usage, Flight, Mode")  # noqa: S102 - as above
     with pytest.raises(ImportError, match="cannot import name 'Flihgt'"):
         exec("from msggen.flight import Flihgt")  # noqa: S102 - as above
     with pytest.raises(AttributeError, match="has no 'Flihgt', did you mean 'Flight'"):

@@ -59,7 +59,7 @@ class MissionMode(Mode):
     @property
     def is_driving(self) -> bool:
         """Whether the vehicle is a rover, as far as that is known."""
-        return self.is_registered and self._status is not None and is_rover(self._status)
+        return self.is_registered and self.feeds.shows(is_rover)
 
     @property
     def is_on_ground(self) -> bool:
@@ -90,7 +90,7 @@ class MissionMode(Mode):
             north, east = earth.local((here.ref_lat, here.ref_lon), latitude, longitude)
             down = math.nan if is_rover(self._status) else here.ref_alt - altitude
             try:
-                self._own.check_goto(Vector(north, east, down))
+                self._own.fence.check_goto(Vector(north, east, down))
             except LimitError as error:
                 found.append(f"item {index} is {error}")
             except NoAnswerError:  # there is no home position yet
@@ -104,9 +104,9 @@ class MissionMode(Mode):
         for speed in (each for each in speeds if is_known and each is not None):
             try:
                 if is_on_wings(self._status):
-                    self._own.check_ranges({FIXED_WING.topics[1]: {"equivalent_airspeed": speed}})
+                    self._own.fence.ranges.check({FIXED_WING.topics[1]: {"equivalent_airspeed": speed}})
                 elif is_rover(self._status):
-                    self._own.check_ranges({ROVER_POSITION.topic: {"cruising_speed": speed}})
+                    self._own.fence.ranges.check({ROVER_POSITION.topic: {"cruising_speed": speed}})
             except ValueError as error:
                 found.append(f"horizontalVelocity: {error}")
         return found
