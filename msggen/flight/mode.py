@@ -18,11 +18,10 @@ from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace, local_place
 from msggen.flight.rovers import Driven
-from msggen.flight.sending import Registered
+from msggen.flight.sending import Registered, Steered, Trajectory
 from msggen.flight.setpoints import check_seconds, finite, in_range
 from msggen.flight.space import Vector, heading_of, turned, turned_heading
 from msggen.flight.telemetry import Telemetry
-from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
 from msggen.flight.vtol import TRANSITION
 from msggen.flight.wings import Winged, thrust_vector

@@ -11,9 +11,9 @@ from msggen.flight.estimates import is_landed, valid_estimate
 from msggen.flight.feeds import Feeds, Topics, filled
 from msggen.flight.limits import Fence
 from msggen.flight.rovers import stopping
+from msggen.flight.sending import FREE
 from msggen.flight.setpoints import Messages, Stream, Values
 from msggen.flight.states import is_in_transition, is_on_wings, is_rover
-from msggen.flight.trajectory import FREE
 from msggen.flight.wings import Way, Wings, circle_centre
 from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
 
