@@ -23,8 +23,7 @@ from msggen.flight.limits import Limits
 from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
-from msggen.flight.places import GlobalPlace
-from msggen.flight.space import Vector
+from msggen.flight.places import GlobalPlace, Vector
 from msggen.messages.events import Component
 from msggen.messages.setpoints import (
     ACTUATORS,

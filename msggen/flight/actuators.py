@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
+from msggen.flight.places import three
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import in_range
-from msggen.flight.space import three
 from msggen.flight.usage import MOTORS, THRUSTS, explained
 from msggen.messages.setpoints import ACTUATORS, THRUST_AND_TORQUE
 

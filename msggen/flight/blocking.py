@@ -16,10 +16,10 @@ from msggen.flight.flight import Flight
 from msggen.flight.measured import Measuring, Sample
 from msggen.flight.measurements import Fusion, Measurements
 from msggen.flight.offboard import Offboard
+from msggen.flight.places import Frame
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
 from msggen.flight.sending import Steered, Trajectory
 from msggen.flight.setpoints import check_seconds
-from msggen.flight.space import Frame
 from msggen.flight.telemetry import Telemetry
 from msggen.flight.usage import Hinted
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
 
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""

@@ -22,11 +22,11 @@ from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.part import NEEDED, Part
+from msggen.flight.places import Frame
 from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.setpoints import Ranges
-from msggen.flight.space import Frame
 from msggen.flight.states import is_armed
 from msggen.flight.telemetry import Telemetry
 from msggen.link.link_types import DEFAULT

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 from msggen.flight.errors import NotReachedError, UnsupportedError
 from msggen.flight.estimates import checked_estimate, is_estimate, is_landed
 from msggen.flight.feeds import ANY_MODE
-from msggen.flight.places import check_within
+from msggen.flight.places import Vector, check_within, wrapped
 from msggen.flight.rovers import NEAR, to_place
 from msggen.flight.sending import Registered
 from msggen.flight.setpoints import finite
-from msggen.flight.space import Vector, wrapped
 from msggen.flight.states import is_on_wings, is_rover, title_of
 from msggen.flight.wings import Way
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION

@@ -16,8 +16,8 @@ from msggen.flight.braking import HORIZON, RADIUS, allowed, braked_level, cut, l
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.estimates import checked_estimate, valid_estimate
 from msggen.flight.feeds import Feeds
+from msggen.flight.places import Vector
 from msggen.flight.setpoints import Messages, Ranges, Values
-from msggen.flight.space import Vector
 from msggen.flight.states import is_on_wings
 from msggen.flight.usage import LIMITS, explained_class
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind

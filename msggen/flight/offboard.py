@@ -13,10 +13,9 @@ from msggen.flight.errors import NotReachedError
 from msggen.flight.estimates import checked_estimate, is_estimate
 from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.limits import Fence
-from msggen.flight.places import GlobalPlace, check_within, local_place
+from msggen.flight.places import Frame, GlobalPlace, Vector, check_frame, check_within, local_place, turned
 from msggen.flight.sending import Steered, Trajectory
 from msggen.flight.setpoints import Stream
-from msggen.flight.space import Frame, Vector, check_frame, turned
 from msggen.flight.states import described
 from msggen.flight.usage import LOCAL, explained
 from msggen.messages.nav_states import HOLD, OFFBOARD

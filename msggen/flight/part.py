@@ -14,8 +14,8 @@ from msggen.flight.limits import Limits
 from msggen.flight.link import Need
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Keeps
+from msggen.flight.places import Frame
 from msggen.flight.registration import Wanted
-from msggen.flight.space import Frame
 from msggen.messages.nav_states import EXTERNAL
 from msggen.messages.setpoints import SENT, Kind
 

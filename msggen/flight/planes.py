@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from msggen.flight.errors import FlightError
 from msggen.flight.feeds import Feeds
-from msggen.flight.space import wrapped
+from msggen.flight.places import wrapped
 from msggen.flight.states import is_disarmed, is_plane
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, RETURN
 

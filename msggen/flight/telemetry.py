@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
 from msggen.flight.errors import NoAnswerError
 from msggen.flight.estimates import FRESH, SLOW, is_estimate
 from msggen.flight.feeds import Feeds
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
 from msggen.flight.usage import Hinted
 from msggen.messages import vehicle_types
 

@@ -10,9 +10,9 @@ from msggen.flight.braking import RADIUS, turn_radius
 from msggen.flight.errors import NotReachedError
 from msggen.flight.estimates import is_estimate, valid_estimate
 from msggen.flight.feeds import Feeds
+from msggen.flight.places import Frame, Vector, check_radians, heading_of, wrapped
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import Values, finite, in_range
-from msggen.flight.space import Frame, Vector, check_radians, heading_of, wrapped
 from msggen.flight.states import is_on_wings
 from msggen.flight.usage import WINGS, explained
 from msggen.messages.setpoints import FIXED_WING

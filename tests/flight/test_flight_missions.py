@@ -30,9 +30,8 @@ from msggen.flight.missions import (
 )
 from msggen.flight.missions.legs import _is_due
 from msggen.flight.missions.plan import RESUMING, Item
-from msggen.flight.places import GlobalPlace
+from msggen.flight.places import GlobalPlace, Vector
 from msggen.flight.pytest import SimVehicle
-from msggen.flight.space import Vector
 from msggen.messages import commands, earth
 from msggen.messages.setpoints import FIXED_WING
 from msggen.sim import Options as SimOptions

@@ -13,8 +13,7 @@ from msggen.flight.estimates import is_landed
 from msggen.flight.feeds import Feeds, first
 from msggen.flight.missions.plan import Settings
 from msggen.flight.mode import Mode
-from msggen.flight.places import GlobalPlace, local_place
-from msggen.flight.space import Vector, wrapped
+from msggen.flight.places import GlobalPlace, Vector, local_place, wrapped
 from msggen.flight.states import is_on_wings, is_rover, types_of
 from msggen.messages import earth
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY, Kind
