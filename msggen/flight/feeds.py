@@ -21,7 +21,7 @@ _LOOK = 1.0
 """The time in s between two looks at the age of the last VehicleStatus."""
 _GRACE = 0.5
 """The time in s for which a message can still arrive after the vehicle has left a mode."""
-_TRIES, _PATIENCE = 5, 0.3
+TRIES: Final = 5
 ANY_MODE: Final = range(256)
 """All values of a nav_state."""
 Condition = Callable[[Any], bool]
@@ -225,12 +225,14 @@ class Feeds:
         status = self["vehicle_status"].latest
         return status is not None and condition(status)
 
-    async def answer(self, topic: str, send: Callable[[], None], condition: Condition, text: str) -> Any:
-        """Send a request up to five times, each 0.3 s, and return the message that answers it. Raises NoAnswerError."""
-        for _ in range(_TRIES):
+    async def answer(
+        self, topic: str, send: Callable[[], None], condition: Condition, text: str, patience: float = 0.3
+    ) -> Any:
+        """Send a request up to five times, and return the message that answers it. Raises NoAnswerError with a text."""
+        for _ in range(TRIES):
             send()
             with suppress(TimeoutError):
-                return await self[topic].following(condition, _PATIENCE)
+                return await self[topic].following(condition, patience)
         raise self.no_answer(text)
 
     async def within(

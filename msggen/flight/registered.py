@@ -57,7 +57,7 @@ class Parts:
         self._answers: Answers | None = None
         self._restarts: Restarts | None = None
         identity = connection.identity if isinstance(connection, LinkConnection) else ""
-        self._memory = Memory(identity) if identity else None
+        self._memory = Memory(identity)
         self._renewal: asyncio.Task[None] | None = None
         self._registered: dict[str, Ids] = {}
         """The ids of this program. At its end, another thread may unregister them."""
@@ -123,7 +123,7 @@ class Parts:
     @property
     def is_urgent(self) -> bool:
         """Whether a program may have been killed just now at this vehicle. Then this one must answer at once."""
-        return self._memory is not None and self._memory.is_interrupted(FRESH)
+        return self._memory.is_interrupted(FRESH)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a registered mode. Raises FlightError if it is not registered."""
@@ -160,10 +160,9 @@ class Parts:
             charge.follow(status)
         for active in [*self._active.values()]:
             active.follow(status)
-        if self._memory is not None:
-            for active in self._active.values():
-                self._memory.write(active.ids, status)
-            self._memory.touch()
+        for active in self._active.values():
+            self._memory.write(active.ids, status)
+        self._memory.touch()
 
     def stop(self) -> None:
         """Stop all modes, executors and checks, and send nothing."""
@@ -203,9 +202,8 @@ class Parts:
                 _, ids = self._registered.popitem()
                 with suppress(FlightError):
                     self._registrar.unregister(ids)
-                if self._memory is not None:
-                    self._memory.write(ids, None, is_over=True)
-                    self._memory.release(ids.name)
+                self._memory.write(ids, None, is_over=True)
+                self._memory.release(ids.name)
                 if is_link and self._registered:
                     time.sleep(_APART)
 
@@ -220,12 +218,11 @@ class Parts:
                 await self._check_disarmed(part.subject.name)
                 ids = await self._registrar.register(part.wanted)
         except BaseException:
-            if self._memory is not None:
-                self._memory.release(part.subject.name)
+            self._memory.release(part.subject.name)
             raise
         self._registered[ids.name] = ids
-        if self._memory is not None:  # at once: a program can be killed before the next VehicleStatus
-            self._memory.write(ids, self._feeds["vehicle_status"].latest)
+        status = self._feeds["vehicle_status"].latest
+        self._memory.write(ids, status)  # at once: a program can be killed before the next VehicleStatus
         active = self._begin(part, ids, is_resumed=is_resumed)
         resuming.tell_slot(ids)
         restarts.begin()
@@ -298,8 +295,7 @@ class Parts:
         with self._lock:
             self._registered.pop(active.ids.name, None)
         self._registrar.unregister(active.ids)
-        if self._memory is not None:
-            self._memory.release(active.ids.name)
+        self._memory.release(active.ids.name)
 
     async def _until_ready(self, ids: Ids) -> None:
         """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check.

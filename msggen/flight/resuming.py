@@ -77,7 +77,7 @@ class Memory:
     """The ids that one vehicle has assigned to the modes of a program."""
 
     def __init__(self, vehicle: str) -> None:
-        """Take a text that identifies the vehicle. Nothing is read."""
+        """Take a text that identifies the vehicle, "" to note nothing. Nothing is read."""
         self._folder = os.path.join(os.path.dirname(records_folder()), "flights")
         self._vehicle = vehicle
         self._boot = boot_id()
@@ -91,6 +91,8 @@ class Memory:
 
         Raises RegistrationError if a running program flies this mode.
         """
+        if not self._vehicle:
+            return None
         try:
             os.makedirs(self._folder, mode=0o700, exist_ok=True)
             if not is_own(self._folder):
@@ -106,7 +108,7 @@ class Memory:
         now = time.monotonic()
         with suppress(OSError), os.scandir(self._folder) as entries:
             recent = [each.path for each in entries if each.name.endswith(_SUFFIX) and now - each.stat().st_mtime < age]
-            return any(self._is_unfinished(path) for path in recent)
+            return bool(self._vehicle) and any(map(self._is_unfinished, recent))
         return False
 
     def write(self, ids: Ids, status: Any, *, is_over: bool = False) -> None:
@@ -120,7 +122,7 @@ class Memory:
             "mode_time": int(getattr(status, "nav_state_timestamp", 0)),
             "is_over": is_over,
         }
-        if self._written.get(ids.name) == content:
+        if not self._vehicle or self._written.get(ids.name) == content:
             return
         self._written[ids.name] = content
         try:
@@ -223,9 +225,7 @@ def booted(status: Any) -> float:
 class Resuming:
     """Looks for the ids of a mode or a check."""
 
-    def __init__(
-        self, memory: Memory | None, feeds: Feeds, answers: Answers, registrar: Registrar, *, resume: bool
-    ) -> None:
+    def __init__(self, memory: Memory, feeds: Feeds, answers: Answers, registrar: Registrar, *, resume: bool) -> None:
         self._memory, self._feeds, self._answers, self._registrar = memory, feeds, answers, registrar
         self._resume = resume
         self._found: Remembered | None = None
@@ -236,7 +236,7 @@ class Resuming:
         Raises RegistrationError if another program has registered it, or if the vehicle has left the mode in flight and
         the program was started without `resume`.
         """
-        self._found = self._memory.claim(subject.name) if self._memory is not None else None
+        self._found = self._memory.claim(subject.name)
         found = self._found
         if found is None or found.is_over or (found.ids.mode == NONE) is not isinstance(subject, Check):
             return None

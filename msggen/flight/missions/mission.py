@@ -9,7 +9,7 @@ from collections.abc import Callable, Coroutine, Iterator, Mapping
 from inspect import iscoroutinefunction
 from logging import getLogger
 from types import new_class
-from typing import Any, TypeAlias
+from typing import Any
 
 from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
@@ -20,6 +20,8 @@ from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, is_built_in, sett
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
+    Function,
+    FunctionAction,
     Handler,
     MissionError,
     Progress,
@@ -38,18 +40,6 @@ _GRACE = 0.5
 """The time in s in which a mode ends because the vehicle is disarmed."""
 _LOOK = 0.5
 """The period in s at which the file is looked at, and whether the mission is ready."""
-
-Function: TypeAlias = Callable[[Handler, Arguments], Coroutine[Any, Any, None]]
-
-
-class _FunctionAction(Action):
-    """An action that is an `async def` function."""
-
-    def __init__(self, function: Function) -> None:
-        self._function = function
-
-    async def run(self, handler: Handler, arguments: Arguments) -> None:
-        await self._function(handler, arguments)
 
 
 class Mission(Executor):
@@ -355,7 +345,7 @@ def _action(name: str, given: Action | Function) -> Action:
         return given
     if not iscoroutinefunction(given):
         raise TypeError(f"action {name!r}: expected an `async def` function or an object of Action, got {given!r}")
-    return _FunctionAction(given)
+    return FunctionAction(given)
 
 
 def _read(path: str, actions: Mapping[str, object]) -> Plan:
