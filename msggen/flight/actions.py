@@ -17,11 +17,10 @@ from msggen.flight.estimates import is_known_in_air, is_known_landed, is_landed,
 from msggen.flight.feeds import Condition, Feeds, first
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, OnEarth, local_place, sea_level
-from msggen.flight.planes import circling, until_disarmed
 from msggen.flight.setpoints import finite, in_range
 from msggen.flight.states import described, is_armed, is_disarmed, is_on_wings, is_plane, is_rover, name_of
 from msggen.flight.usage import ON_EARTH, Hinted, explained
-from msggen.flight.vtol import TRANSITION, change, must_change
+from msggen.flight.vtol import TRANSITION, change, circling, must_change, until_disarmed
 from msggen.messages import commands, earth
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, SELECTABLE, TAKEOFF, mode_number
 

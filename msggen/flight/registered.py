@@ -14,7 +14,7 @@ from msggen.flight.actions import Actions
 from msggen.flight.checks import Active, Answering, Answers, Check
 from msggen.flight.commands import Commands
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
-from msggen.flight.executor import Executor
+from msggen.flight.executor import Charge, Executor
 from msggen.flight.feeds import Connection, Feeds, Topics
 from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
@@ -25,7 +25,6 @@ from msggen.flight.part import Part, check_check, check_executor, check_mode, ne
 from msggen.flight.registration import ARMED, NONE, REPLY, ArmedError, Ids, Registrar, ids_of
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Memory, Resuming, is_asked
-from msggen.flight.running_executor import Charge
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.states import is_armed, is_disarmed, name_of
 from msggen.messages.commands import OF_EXECUTOR
