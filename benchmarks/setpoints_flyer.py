@@ -28,7 +28,7 @@ from msggen.flight.commands import Commands
 from msggen.flight.feeds import Feeds
 from msggen.flight.link import LinkConnection
 from msggen.flight.registration import Registrar, Wanted
-from msggen.flight.trajectory import FREE, Trajectory
+from msggen.flight.sending import FREE, Trajectory
 from msggen.live import Vehicle
 from msggen.messages.commands import ARM_DISARM
 from setpoints import place_of

@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from msggen.flight.answering import Check
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.checks import Health, Problem, Severity
+from msggen.flight.checks import GLOBAL_POSITION, LOCAL_POSITION, Check, Health, Problem, Requirement, Severity
 from msggen.flight.errors import (
     FlightError,
     LimitError,
@@ -24,9 +23,7 @@ from msggen.flight.limits import Limits
 from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
-from msggen.flight.places import GlobalPlace
-from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
-from msggen.flight.space import Vector
+from msggen.flight.places import GlobalPlace, Vector
 from msggen.messages.events import Component
 from msggen.messages.setpoints import (
     ACTUATORS,
@@ -85,7 +82,7 @@ if not TYPE_CHECKING:  # type checkers would accept every name
 
     def __getattr__(name: str) -> object:
         """Raise AttributeError, or ImportError to `import`. It tells the name of msggen for that of another library."""
-        from msggen.flight.elsewhere import IMPORTED, is_import, told
+        from msggen.flight.usage import IMPORTED, is_import, told
 
         text = told(f"module {__name__!r}", name, __all__, IMPORTED)
         if name in IMPORTED and is_import(sys._getframe(1)):  # noqa: SLF001 - nothing else tells it

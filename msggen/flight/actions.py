@@ -12,17 +12,15 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.commands import Commands
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
+from msggen.flight.estimates import is_known_in_air, is_known_landed, is_landed, valid_estimate
 from msggen.flight.feeds import Condition, Feeds, first
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, OnEarth, local_place, sea_level
-from msggen.flight.planes import circling, until_disarmed
 from msggen.flight.setpoints import finite, in_range
 from msggen.flight.states import described, is_armed, is_disarmed, is_on_wings, is_plane, is_rover, name_of
-from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
-from msggen.flight.usage import ON_EARTH, explained
-from msggen.flight.vtol import TRANSITION, change, must_change
+from msggen.flight.usage import ON_EARTH, Hinted, explained
+from msggen.flight.vtol import TRANSITION, change, circling, must_change, until_disarmed
 from msggen.messages import commands, earth
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, SELECTABLE, TAKEOFF, mode_number
 
@@ -109,7 +107,7 @@ class Actions(Hinted):
     async def _check_can_take_off(self) -> None:
         """Raise FlightError if the vehicle is not armed, and UnsupportedError for a rover."""
         await self._check_armed("take off")
-        if self._is(is_rover):
+        if self._feeds.shows(is_rover):
             raise UnsupportedError("a rover does not take off: arm it, and let it drive in a mode")
 
     async def _check_armed(self, what: str) -> None:
@@ -137,12 +135,7 @@ class Actions(Hinted):
     @property
     def _near(self) -> float:
         """How far below the end of a takeoff it counts as done, in m."""
-        return _ON_WINGS[1] if self._is(is_on_wings) else _NEAR
-
-    def _is(self, condition: Condition) -> bool:
-        """Whether the last VehicleStatus meets a condition."""
-        status = self._feeds["vehicle_status"].latest
-        return status is not None and condition(status)
+        return _ON_WINGS[1] if self._feeds.shows(is_on_wings) else _NEAR
 
     async def land(self) -> None:
         """Land where the vehicle is, and return when it has landed. It disarms 2 s later (COM_DISARM_LAND).
@@ -152,7 +145,7 @@ class Actions(Hinted):
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
         await self._check_armed("land")
-        if self._is(is_rover):
+        if self._feeds.shows(is_rover):
             await self.hold()
             await self._standing()
         await self._send(commands.LAND, what="land", shown=self._is_in(LAND))
@@ -168,7 +161,7 @@ class Actions(Hinted):
         await self._check_armed("return")
         await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
         landed = self._landed(RETURN, "the return")
-        await (first(landed, circling(self._feeds)) if self._is(is_plane) else landed)
+        await (first(landed, circling(self._feeds)) if self._feeds.shows(is_plane) else landed)
 
     async def _standing(self) -> None:
         """Wait until a rover stands. Raises NotReachedError."""
@@ -225,7 +218,7 @@ class Actions(Hinted):
         mode is selected on the way or the vehicle lands, LimitError as `Limits` says, and FlightError on the ground.
         """
         latitude, longitude, altitude = OnEarth(place, latitude, longitude, altitude).numbers("goto")
-        is_driving = self._is(is_rover)
+        is_driving = self._feeds.shows(is_rover)
         is_level = is_driving or altitude is None
         await self._check_place(GlobalPlace(latitude, longitude, altitude or 0.0), is_level=is_level)
         if is_landed(self._feeds) and not is_driving:
@@ -235,10 +228,10 @@ class Actions(Hinted):
         await self._send(commands.REPOSITION, *values, what="go to a place")
         goal = latitude, longitude, None if is_driving else altitude
         reached = self._feeds["vehicle_global_position"].following(
-            lambda place: _is_near(place, *goal, *(_ON_WINGS if self._is(is_on_wings) else (_NEAR, _NEAR)))
+            lambda place: _is_near(place, *goal, *(_ON_WINGS if self._feeds.shows(is_on_wings) else (_NEAR, _NEAR)))
         )
         await self._feeds.within({HOLD}, reached, "the flight to a place", may_land=is_driving)
-        if self._is(is_on_wings):
+        if self._feeds.shows(is_on_wings):
             return
         slow = self._feeds["vehicle_local_position"].following(lambda each: math.hypot(each.vx, each.vy) < _SLOW)
         await self._feeds.within({HOLD}, slow, "the flight to a place", may_land=is_driving)

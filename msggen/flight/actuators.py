@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
+from msggen.flight.places import three
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import in_range
-from msggen.flight.space import three
 from msggen.flight.usage import MOTORS, THRUSTS, explained
 from msggen.messages.setpoints import ACTUATORS, THRUST_AND_TORQUE
 
@@ -49,7 +49,7 @@ class Actuated(Sends):
 
     def _controls(self, topic: str, values: Sequence[float | None], what: str) -> tuple[float, ...]:
         """Return a value for each actuator of a message, NaN for those that are stopped. Raises ValueError."""
-        most = len(self._own.class_of(topic)().control)
+        most = len(self._own.topics.incoming(topic)().control)
         if len(values) > most:
             raise ValueError(f"expected {most} {what}s at most, got {len(values)}: this firmware has no more")
         given = [math.nan if value is None else in_range(value, -1.0, f"a {what}") for value in values]

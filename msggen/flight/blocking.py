@@ -7,25 +7,41 @@ import signal
 import threading
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, runtime_checkable
 
-from msggen.flight.blocking_calls import FlightCalls, MeasurementsCalls, OffboardCalls, TelemetryCalls, Waits
 from msggen.flight.errors import FlightError
 from msggen.flight.flight import Flight
 from msggen.flight.measured import Measuring, Sample
 from msggen.flight.measurements import Fusion, Measurements
 from msggen.flight.offboard import Offboard
+from msggen.flight.places import Frame
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
+from msggen.flight.sending import Steered, Trajectory
 from msggen.flight.setpoints import check_seconds
-from msggen.flight.space import Frame
 from msggen.flight.telemetry import Telemetry
-from msggen.flight.trajectory import Steered, Trajectory
+from msggen.flight.usage import Hinted
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+_Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
+_Own = TypeVar("_Own")
+
+
+def _waiting(
+    coroutine: Callable[Concatenate[Any, _Parameters], Coroutine[Any, Any, _Result]],
+) -> Callable[Concatenate[Any, _Parameters], _Result]:
+    """Return a method that calls the coroutine function of `_own` with the same arguments, and waits for its end."""
+
+    @wraps(coroutine)
+    def call(self: Any, /, *arguments: _Parameters.args, **options: _Parameters.kwargs) -> _Result:
+        found: _Result = self._wait(getattr(self._own, coroutine.__name__)(*arguments, **options))
+        return found
+
+    return call
 
 
 @runtime_checkable
@@ -36,7 +52,7 @@ class _OnItsClock(Protocol):
         """Return a loop on its clock."""
 
 
-class BlockingFlight(FlightCalls):
+class BlockingFlight(Hinted):
     """A `Flight` for programs without asyncio. It takes the same arguments, and is used with `with`.
 
     Modes and executors are the same as those of `Flight`, and run in a separate thread. SIGTERM ends the block.
@@ -97,6 +113,25 @@ class BlockingFlight(FlightCalls):
         """Why messages do not get through to the vehicle, "" if they do: see `Vehicle.problem`."""
         return self._own.problem
 
+    arm = _waiting(Flight.arm)
+    disarm = _waiting(Flight.disarm)
+    takeoff = _waiting(Flight.takeoff)
+    land = _waiting(Flight.land)
+    return_home = _waiting(Flight.return_home)
+    hold = _waiting(Flight.hold)
+    set_mode = _waiting(Flight.set_mode)
+    goto = _waiting(Flight.goto)
+    set_home = _waiting(Flight.set_home)
+    set_origin = _waiting(Flight.set_origin)
+    to_fixed_wing = _waiting(Flight.to_fixed_wing)
+    to_multicopter = _waiting(Flight.to_multicopter)
+    set_actuators = _waiting(Flight.set_actuators)
+    wait_armed = _waiting(Flight.wait_armed)
+    wait_disarmed = _waiting(Flight.wait_disarmed)
+    wait_for_status = _waiting(Flight.wait_for_status)
+    add = _waiting(Flight.add)
+    fly = _waiting(Flight.fly)
+
     def run(self) -> None:
         """Wait until Ctrl-C or SIGTERM."""
         self._wait(self._own.run())
@@ -149,73 +184,62 @@ class BlockingFlight(FlightCalls):
             self._runner.close()
 
 
-class _Inside(Waits):
-    """Waits as the flight does that it belongs to."""
+class _Inside(Hinted, Generic[_Own]):
+    """A part of a flight. It waits as the flight does."""
 
-    def __init__(self, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
-        self._wait_in_flight = wait
-
-    def _wait(self, coroutine: Coroutine[Any, Any, _Result]) -> _Result:
-        found: _Result = self._wait_in_flight(coroutine)
-        return found
+    def __init__(self, own: _Own, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
+        self._own, self._wait = own, wait
 
 
-class BlockingTelemetry(_Inside, TelemetryCalls):
+class BlockingTelemetry(_Inside[Telemetry]):
     """The telemetry of a vehicle, as in `Telemetry`."""
 
-    def __init__(self, telemetry: Telemetry, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
-        super().__init__(wait)
-        self._telemetry = telemetry
+    local_position = _waiting(Telemetry.local_position)
+    global_position = _waiting(Telemetry.global_position)
+    attitude = _waiting(Telemetry.attitude)
+    battery = _waiting(Telemetry.battery)
+    home = _waiting(Telemetry.home)
+    land = _waiting(Telemetry.land)
+    sticks = _waiting(Telemetry.sticks)
+    airspeed = _waiting(Telemetry.airspeed)
+    wind = _waiting(Telemetry.wind)
+    vtol = _waiting(Telemetry.vtol)
+    vehicle = _waiting(Telemetry.vehicle)
 
-    @property
-    def _own(self) -> Telemetry:
-        return self._telemetry
 
-
-class BlockingMeasurements(_Inside, MeasurementsCalls, Measuring):
+class BlockingMeasurements(_Inside[Measurements], Measuring):
     """The measurements for the estimator of a vehicle, as in `Measurements`."""
 
-    def __init__(self, measure: Measurements, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
-        super().__init__(wait)
-        self._measure = measure
-
-    @property
-    def _own(self) -> Measurements:
-        return self._measure
+    fused = _waiting(Measurements.fused)
 
     @property
     def time(self) -> int:
         """See `Measurements.time`."""
-        return self._measure.time
+        return self._own.time
 
     @property
     def state(self) -> tuple[Fusion, ...]:
         """See `Measurements.state`."""
-        return self._measure.state
+        return self._own.state
 
     def _send(self, sample: Sample) -> bool:
         stamped = sample if sample.time is not None else sample._replace(time=self.time)
 
         async def send() -> bool:
-            return self._measure._send(stamped)  # noqa: SLF001 - the same method, in the thread of the flight
+            return self._own._send(stamped)  # noqa: SLF001 - the same method, in the thread of the flight
 
         return bool(self._wait(send()))
 
 
-class BlockingOffboard(_Inside, OffboardCalls, Steered):
+class BlockingOffboard(_Inside[Offboard], Steered):
     """The setpoint of Offboard mode, as in `Offboard`."""
 
-    def __init__(self, setpoint: Offboard, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
-        super().__init__(wait)
-        self._setpoint = setpoint
-
-    @property
-    def _own(self) -> Offboard:
-        return self._setpoint
+    goto = _waiting(Offboard.goto)
+    position = _waiting(Offboard.position)
 
     def _steer(self, found: Trajectory) -> None:
         async def change() -> None:
-            self._setpoint.trajectory(**found._asdict())
+            self._own.trajectory(**found._asdict())
 
         self._wait(change())
 

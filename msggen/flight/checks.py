@@ -1,19 +1,23 @@
-"""Replies to the arming checks of PX4: whether modes can run, and what they need."""
+"""Arming checks of PX4: what modes and checks of a program need, and what it replies for them."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from enum import Flag, IntEnum, auto
+from functools import reduce
+from operator import or_
+from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 from msggen.base.diagnostics import suggestion
-from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.feeds import Feeds
-from msggen.flight.requirements import Requirement
+from msggen.flight.errors import FlightError, report
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
+from msggen.flight.registration import Ids
+from msggen.flight.usage import Hinted
 from msggen.messages.events import COMPONENT, SIZE, Component, event_id, packed
 
+_Found = TypeVar("_Found")
 _MOST_AT_ONCE = 4
 """How many replies PX4's queue holds before v1.18."""
 _PAUSE = 0.012
@@ -27,6 +31,43 @@ _MOST_LOST = 3
 """How many overdue requests in a row are answered."""
 _NUMBERS = 256
 _MOST_EVENTS = 5
+
+
+class Requirement(Flag):
+    """Requirements of a mode, to be combined with `|`: `mode_req_...` of ArmingCheckReply."""
+
+    NONE = 0
+    ANGULAR_VELOCITY = auto()
+    ATTITUDE = auto()
+    LOCAL_ALT = auto()
+    LOCAL_POSITION = auto()
+    LOCAL_POSITION_RELAXED = auto()
+    """A local position of low accuracy is enough."""
+    GLOBAL_POSITION = auto()
+    MISSION = auto()
+    HOME_POSITION = auto()
+    MANUAL_CONTROL = auto()
+    """Stick input of a pilot."""
+    PREVENT_ARMING = auto()
+    """The vehicle is not armed in this mode."""
+
+    @property
+    def fields(self) -> frozenset[str]:
+        """The names of the fields of ArmingCheckReply that are set."""
+        return frozenset(f"mode_req_{each.name.lower()}" for each in Requirement if each in self and each.name)
+
+
+ATTITUDE = Requirement.ANGULAR_VELOCITY | Requirement.ATTITUDE
+"""What attitude setpoints need."""
+LOCAL_POSITION = ATTITUDE | Requirement.LOCAL_ALT | Requirement.LOCAL_POSITION
+"""What goto and trajectory setpoints need."""
+GLOBAL_POSITION = LOCAL_POSITION | Requirement.GLOBAL_POSITION
+"""What goto setpoints by latitude and longitude need."""
+
+
+def named(names: Iterable[str]) -> Requirement:
+    """Return the requirements with names such as `local_position`."""
+    return reduce(or_, (Requirement[name.upper()] for name in names), Requirement.NONE)
 
 
 class Severity(IntEnum):
@@ -198,3 +239,103 @@ class Answers:
         levels = problem.severity << 4 | problem.severity  # for the log, and for ground stations
         arguments = bytes([*bytes(COMPONENT), component]) + packed(problem.arguments)
         return cls(id=problem.number, log_levels=levels, arguments=arguments.ljust(SIZE, b"\0"))
+
+
+class Answering(Hinted):
+    """What modes and checks have in common. Its name is that of the class statement, the body, or the class."""
+
+    name: ClassVar[str]
+    _active: object = None
+
+    def __init_subclass__(cls, name: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.name = name or cls.__dict__.get("name") or cls.__name__
+
+    def problems(self) -> Sequence[Problem]:
+        """Return the unmet conditions. It is called several times a second, and must return at once.
+
+        While there are any, PX4 does not enter the mode, or leaves it. For a check, it does not arm in any mode.
+        """
+        return ()
+
+    def health(self) -> Health | None:
+        """Return the health of a component, for ground stations. It is called as `problems` is."""
+        return None
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether a flight has registered it."""
+        return self._active is not None
+
+
+class Check(Answering):
+    """A check without a mode: while `problems` returns any, the vehicle does not arm, in no mode.
+
+    It has no effect in flight: the vehicle neither leaves a mode nor refuses one.
+
+    **A check that does not answer permits arming.** PX4 removes it about 1 s after its program has died, hangs, or has
+    lost the link. Something that must hold the vehicle back needs a second way that does not depend on the program.
+    """
+
+
+class Active:
+    """A mode or a check with the ids that the vehicle has assigned."""
+
+    def __init__(self, subject: Answering, ids: Ids) -> None:
+        self.subject, self.ids = subject, ids
+        self._failed: set[str] = set()
+        """The methods that have raised an exception, which was reported."""
+        subject._active = self  # noqa: SLF001 - its own part
+
+    @property
+    def can_run(self) -> bool:
+        """Whether nothing but its problems is against it."""
+        return True
+
+    @property
+    def requires(self) -> Requirement:
+        """What PX4 requires for it."""
+        return Requirement.NONE
+
+    def verdict(self) -> Verdict:
+        """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""
+        problems = self._asked("problems", lambda: _problems(self.subject.problems()))
+        health = self._asked("health", lambda: _health(self.subject.health()))
+        return Verdict(problems is not None and self.can_run, self.requires, problems or (), health)
+
+    def follow(self, status: Any) -> None:
+        """Take a VehicleStatus."""
+
+    def lose(self, error: FlightError) -> None:
+        """Take that the vehicle no longer knows it, with the reason."""
+
+    def close(self) -> None:
+        """End it."""
+        self.subject._active = None  # noqa: SLF001 - as above
+
+    def _asked(self, method: str, ask: Callable[[], _Found]) -> _Found | None:
+        """Return what a method of a program returns, None if it fails. Only the first failure in a row is reported."""
+        try:
+            found = ask()
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            if method not in self._failed:
+                kind = "check" if isinstance(self.subject, Check) else "mode"
+                report(f"`{method}` of {kind} {self.subject.name!r} has failed", error)
+            self._failed.add(method)
+            return None
+        self._failed.discard(method)
+        return found
+
+
+def _problems(found: Sequence[Problem]) -> Sequence[Problem]:
+    problems = tuple(found)
+    for each in problems:
+        if not isinstance(each, Problem):
+            raise TypeError(f'expected a sequence of Problem, such as [Problem("my_event")], got {each!r}')
+    return problems
+
+
+def _health(found: Health | None) -> Health | None:
+    if found is not None and not isinstance(found, Health):
+        raise TypeError(f"expected a Health, such as Health(Component.PAYLOAD), or None, got {found!r}")
+    return found

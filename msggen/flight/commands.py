@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Final
 
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, RefusedError
-from msggen.flight.feeds import Condition, Feeds
+from msggen.flight.feeds import Condition, Connection, Feeds, Topics, filled
 from msggen.messages.commands import ACCEPTED, ARM_DISARM, EXECUTOR, IN_PROGRESS, SET_NAV_STATE
 from msggen.messages.refusals import reasons_for_command
 

@@ -1,4 +1,4 @@
-"""The last message of each topic, and waiting for the next one."""
+"""The messages of a vehicle in the event loop of a program: the last of each topic, and waiting for others."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable, Container
 from contextlib import suppress
-from typing import Any, Final, TypeVar
+from importlib import import_module
+from types import MappingProxyType, ModuleType
+from typing import Any, Final, Protocol, TypeVar
 
-from msggen.flight.connection import Connection, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, UnsupportedError, report
 from msggen.flight.states import described, is_disarmed
+from msggen.messages.setpoints import MODES, SENT, Kind
 
 _Result = TypeVar("_Result")
 SILENCE = 10.0
@@ -19,10 +21,99 @@ _LOOK = 1.0
 """The time in s between two looks at the age of the last VehicleStatus."""
 _GRACE = 0.5
 """The time in s for which a message can still arrive after the vehicle has left a mode."""
+TRIES: Final = 5
 ANY_MODE: Final = range(256)
 """All values of a nav_state."""
 Condition = Callable[[Any], bool]
 """Says whether a message is the one that a task waits for."""
+Take = Callable[[Any], None]
+"""Takes a message."""
+Recall = Callable[[Any, float], None]
+"""Takes a message from before the subscription, and its age in s."""
+
+
+class Connection(Protocol):
+    """A vehicle with the messages of a generated package. Topics are named as in uORB."""
+
+    @property
+    def package(self) -> ModuleType:
+        """The generated package."""
+
+    @property
+    def problem(self) -> str:
+        """Why messages do not get through to the vehicle, "" if they do, as far as it is known."""
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Send a message."""
+
+    def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
+        """Call `take` for each message, in the thread of the event loop. Return a function that ends this."""
+
+    def recall(self, topic: str, take: Recall) -> None:
+        """Call `take` for the last message of a topic from before the subscription, at once or soon, if it is known.
+
+        PX4 publishes some topics on change only, such as home_position.
+        """
+
+
+class Topics:
+    """The endpoints and messages that a package has, by direction and topic."""
+
+    def __init__(self, package: ModuleType) -> None:
+        topics = import_module(f"{package.__name__}.topics")
+        self._endpoints = {(each.direction, each.uorb_topic): each for each in topics.ENDPOINTS}
+
+    def incoming(self, topic: str) -> Any:
+        """Return the class of a topic that the vehicle reads. Raises UnsupportedError."""
+        return self.endpoint("in", topic).message
+
+    def outgoing(self, topic: str) -> Any:
+        """Return the class of a topic that the vehicle publishes. Raises UnsupportedError."""
+        return self.endpoint("out", topic).message
+
+    def has(self, direction: str, topic: str) -> bool:
+        """Whether the firmware bridges a topic."""
+        return (direction, topic) in self._endpoints
+
+    def takes(self, kind: Kind) -> bool:
+        """Whether the firmware bridges all messages of a kind of setpoints."""
+        return all(self.has("in", topic) for topic in kind.topics)
+
+    def check_takes(self, kind: Kind) -> None:
+        """Raise UnsupportedError for a kind of setpoints of which the firmware does not bridge all messages."""
+        for topic in kind.topics:
+            self.incoming(topic)
+
+    def endpoint(self, direction: str, topic: str) -> Any:
+        """Return the endpoint of a topic. Raises UnsupportedError."""
+        found = self._endpoints.get((direction, topic))
+        if found is None:
+            raise UnsupportedError(
+                f"the firmware does not bridge /fmu/{direction}/{topic}: add it to dds_topics.yaml. {_since(topic)}"
+            )
+        return found
+
+
+def _since(topic: str) -> str:
+    """Return which release first has a topic, if that is later than v1.14."""
+    since = _SINCE.get(topic)
+    return f"PX4 {since} and later have it there" if since else "Flight modes need PX4 v1.15 or later"
+
+
+_SINCE: Final = MappingProxyType(
+    {
+        **dict.fromkeys(("home_position", "vehicle_land_detected", "vtol_vehicle_status"), "v1.16"),
+        "wind": "v1.17",
+        **{topic: kind.since for kind in SENT for topic in kind.topics if kind.since > MODES},
+    }
+)
+"""The first release that has a topic, if that is later than modes."""
+
+
+def filled(cls: Any, **values: Any) -> Any:
+    """Return a message with the values that its class has fields for, because releases differ."""
+    names = {field.name for field in cls.__msg__.fields}
+    return cls(**{name: value for name, value in values.items() if name in names})
 
 
 class Feed:
@@ -128,6 +219,21 @@ class Feeds:
     def has(self, topic: str) -> bool:
         """Whether the firmware publishes a topic, as far as its types tell."""
         return self._topics.has("out", topic)
+
+    def shows(self, condition: Condition) -> bool:
+        """Whether the last VehicleStatus meets a condition."""
+        status = self["vehicle_status"].latest
+        return status is not None and condition(status)
+
+    async def answer(
+        self, topic: str, send: Callable[[], None], condition: Condition, text: str, patience: float = 0.3
+    ) -> Any:
+        """Send a request up to five times, and return the message that answers it. Raises NoAnswerError with a text."""
+        for _ in range(TRIES):
+            send()
+            with suppress(TimeoutError):
+                return await self[topic].following(condition, patience)
+        raise self.no_answer(text)
 
     async def within(
         self, modes: Container[int], waiting: Awaitable[_Result], what: str, *, may_land: bool = True

@@ -9,26 +9,26 @@ from types import MappingProxyType, ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
-from msggen.flight.answering import Check
+from msggen.flight.checks import Check
 from msggen.flight.commands import Commands
-from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
 from msggen.flight.errors import FlightError, RegistrationError
+from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
 from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.part import NEEDED, Part
-from msggen.flight.ranges import Ranges
+from msggen.flight.places import Frame
 from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
-from msggen.flight.space import Frame
+from msggen.flight.setpoints import Ranges
 from msggen.flight.states import is_armed
-from msggen.flight.telemetry import Telemetry, is_landed
+from msggen.flight.telemetry import Telemetry
 from msggen.link.link_types import DEFAULT
 
 if TYPE_CHECKING:
@@ -240,8 +240,7 @@ class Flight(Actions):
     @property
     def is_armed(self) -> bool:
         """Whether the vehicle is armed."""
-        status = self._feeds["vehicle_status"].latest
-        return status is not None and is_armed(status)
+        return self._feeds.shows(is_armed)
 
     @property
     def mode(self) -> str:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any, Final
 
-from msggen.flight.connection import Topics
 from msggen.flight.errors import FlightError, UnsupportedError
+from msggen.flight.feeds import Topics
 from msggen.flight.states import is_in_transition, is_on_wings, title_of, types_of
 from msggen.messages import setpoints
 from msggen.messages.setpoints import Kind

@@ -6,14 +6,13 @@ import math
 from typing import Any, NamedTuple
 
 from msggen.flight.errors import NotReachedError, UnsupportedError
+from msggen.flight.estimates import checked_estimate, is_estimate, is_landed
 from msggen.flight.feeds import ANY_MODE
-from msggen.flight.places import check_within
+from msggen.flight.places import Vector, check_within, wrapped
 from msggen.flight.rovers import NEAR, to_place
 from msggen.flight.sending import Registered
 from msggen.flight.setpoints import finite
-from msggen.flight.space import Vector, wrapped
 from msggen.flight.states import is_on_wings, is_rover, title_of
-from msggen.flight.telemetry import checked_estimate, is_estimate, is_landed
 from msggen.flight.wings import Way
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION
 
@@ -54,10 +53,10 @@ class Goto(NamedTuple):
         status = own.feeds["vehicle_status"].latest
         if is_rover(status):
             self._check_takes(status, "max_speed")
-            own.check_goto(self.place._replace(z=math.nan))
+            own.fence.check_goto(self.place._replace(z=math.nan))
             await self._drive(own)
             return
-        own.check_goto(self.place)
+        own.fence.check_goto(self.place)
         if is_landed(own.feeds):
             raise NotReachedError(f"{name} is on the ground, and goto {NO_LIFT}")
         if is_on_wings(status):

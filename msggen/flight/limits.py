@@ -12,15 +12,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.braking import HORIZON, allowed, braked_level, cut, length, slowed_level, way_left
+from msggen.flight.braking import HORIZON, RADIUS, allowed, braked_level, cut, leads_out, length, slowed_level, way_left
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
+from msggen.flight.estimates import checked_estimate, valid_estimate
 from msggen.flight.feeds import Feeds
-from msggen.flight.ranges import Ranges
-from msggen.flight.setpoints import Messages, Values
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
+from msggen.flight.setpoints import Messages, Ranges, Values
 from msggen.flight.states import is_on_wings
-from msggen.flight.telemetry import checked_estimate
-from msggen.flight.turning import RADIUS, leads_out
 from msggen.flight.usage import LIMITS, explained_class
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER, ROVER_POSITION, TRAJECTORY, Kind
 
@@ -28,8 +26,6 @@ _DISTANCE = 10_000.0
 """How far from home in m `goto` flies if no limit is set: farther away, latitude and longitude are probably others."""
 _DEPTH = 1.0
 """How far below home in m `goto` flies if no limit is set: the estimate of the height drifts by as much."""
-_FRESH = 0.5
-"""The age in s up to which an estimate is used."""
 _HOME = 3.0
 """The time in s to wait for the home position."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
@@ -292,8 +288,7 @@ class Fence:
 
     def _is_on_wings(self, *, is_plane: bool = False) -> bool:
         """Whether the vehicle flies on wings, and, with `is_plane`, always does."""
-        status = self._feeds["vehicle_status"].latest
-        return status is not None and is_on_wings(status) and not (is_plane and status.is_vtol)
+        return self._feeds.shows(lambda each: is_on_wings(each) and not (is_plane and each.is_vtol))
 
     def _home(self) -> Vector:
         found = self._known_home()
@@ -309,11 +304,8 @@ class Fence:
         return Vector(home.x, home.y, home.z) if home is not None and home.valid_lpos else None
 
     def _here(self) -> _Here | None:
-        feed, home = self._feeds["vehicle_local_position"], self._known_home()
-        found = feed.latest
-        if found is None or home is None or feed.age > _FRESH:
-            return None
-        if not (found.xy_valid and found.z_valid and found.v_xy_valid and found.v_z_valid):
+        found, home = valid_estimate(self._feeds), self._known_home()
+        if found is None or home is None:
             return None
         place = _from_home((found.x, found.y, found.z), home)
         return _Here(place, Vector(found.vx, found.vy, found.vz), Vector(found.ax, found.ay, found.az), found.heading)

@@ -12,8 +12,8 @@ from logging import getLogger
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
+from msggen.flight.feeds import Connection, Recall, Take, Topics
 from msggen.link.address import parse_address
 from msggen.link.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
 from msggen.messages.names import is_named_after, is_topic, stem_of

@@ -9,11 +9,9 @@ from types import MappingProxyType
 from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 from msggen.base.diagnostics import suggestion
-from msggen.flight.elsewhere import Hinted
-from msggen.flight.places import GlobalPlace, OnEarth
+from msggen.flight.places import GlobalPlace, OnEarth, three, turned
 from msggen.flight.setpoints import finite
-from msggen.flight.space import three, turned
-from msggen.flight.usage import MEASURED, ON_EARTH, explained
+from msggen.flight.usage import MEASURED, ON_EARTH, Hinted, explained
 from msggen.messages.measurements import (
     BODY_FRD,
     FRD,

@@ -14,9 +14,8 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, UnsupportedError
-from msggen.flight.feeds import Feed, Feeds
+from msggen.flight.feeds import Connection, Feed, Feeds, Topics, filled
 from msggen.flight.measured import Measuring, Sample
 from msggen.messages.measurements import (
     GLOBAL,

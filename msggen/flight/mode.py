@@ -10,19 +10,17 @@ from typing import Any, ClassVar
 
 from msggen.flight import usage
 from msggen.flight.actuators import Actuated
-from msggen.flight.answering import Answering
+from msggen.flight.checks import Answering, Requirement, named
 from msggen.flight.errors import FlightError
+from msggen.flight.estimates import is_estimate, no_estimate, valid_estimate
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps
-from msggen.flight.places import GlobalPlace, local_place
-from msggen.flight.requirements import Requirement, named
+from msggen.flight.places import GlobalPlace, Vector, heading_of, local_place, turned, turned_heading
 from msggen.flight.rovers import Driven
-from msggen.flight.sending import Registered
+from msggen.flight.sending import Registered, Steered, Trajectory
 from msggen.flight.setpoints import check_seconds, finite, in_range
-from msggen.flight.space import Vector, heading_of, turned, turned_heading
-from msggen.flight.telemetry import Telemetry, is_estimate, no_estimate, valid_estimate
-from msggen.flight.trajectory import Steered, Trajectory
+from msggen.flight.telemetry import Telemetry
 from msggen.flight.usage import LOCAL, explained
 from msggen.flight.vtol import TRANSITION
 from msggen.flight.wings import Winged, thrust_vector

@@ -9,16 +9,14 @@ from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 from msggen.flight.actions import Actions
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import NotReachedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.estimates import checked_estimate, is_estimate
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.limits import Fence
-from msggen.flight.places import GlobalPlace, check_within, local_place
+from msggen.flight.places import Frame, GlobalPlace, Vector, check_frame, check_within, local_place, turned
+from msggen.flight.sending import Steered, Trajectory
 from msggen.flight.setpoints import Stream
-from msggen.flight.space import Frame, Vector, check_frame, turned
 from msggen.flight.states import described
-from msggen.flight.telemetry import checked_estimate, is_estimate
-from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
 from msggen.messages.nav_states import HOLD, OFFBOARD
 from msggen.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY, Kind

@@ -8,9 +8,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any, NamedTuple
 
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 
 _REQUEST, _CONFIRM = "config_overrides_request", "config_overrides_confirm"
 _LONGEST = 32767
@@ -122,14 +121,8 @@ class Overrides:
             self._repeat()
             return
         request = self._request()
-        for _ in range(_TRIES):
-            self._publish(request)
-            try:
-                await self._feeds[_CONFIRM].following(lambda each: _is_same(each, request), _PATIENCE)
-            except TimeoutError:
-                continue
-            return
-        raise self._feeds.no_answer("the vehicle has not confirmed the overrides")
+        text = "the vehicle has not confirmed the overrides"
+        await self._feeds.answer(_CONFIRM, lambda: self._publish(request), lambda each: _is_same(each, request), text)
 
     def _repeat(self) -> None:
         """Send the overrides now and a few times later, because messages can get lost. Does not wait."""

@@ -11,25 +11,20 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.actions import Actions
-from msggen.flight.answering import Active, Answering, Check
-from msggen.flight.checks import Answers
+from msggen.flight.checks import Active, Answering, Answers, Check
 from msggen.flight.commands import Commands
-from msggen.flight.connection import Connection, Topics
-from msggen.flight.declared import check_check, check_executor, check_mode
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
-from msggen.flight.executor import Executor
-from msggen.flight.feeds import Feeds
+from msggen.flight.executor import Charge, Executor
+from msggen.flight.feeds import Connection, Feeds, Topics
 from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
 from msggen.flight.link import LinkConnection
-from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides, check_overrides
-from msggen.flight.part import Part, needed_topics
+from msggen.flight.part import Part, check_check, check_executor, check_mode, needed_topics
 from msggen.flight.registration import ARMED, NONE, REPLY, ArmedError, Ids, Registrar, ids_of
 from msggen.flight.restarts import Restarts
-from msggen.flight.resuming import FRESH, Resuming, is_asked
-from msggen.flight.running_executor import Charge
+from msggen.flight.resuming import FRESH, Memory, Resuming, is_asked
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.states import is_armed, is_disarmed, name_of
 from msggen.messages.commands import OF_EXECUTOR
@@ -61,7 +56,7 @@ class Parts:
         self._answers: Answers | None = None
         self._restarts: Restarts | None = None
         identity = connection.identity if isinstance(connection, LinkConnection) else ""
-        self._memory = Memory(identity) if identity else None
+        self._memory = Memory(identity)
         self._renewal: asyncio.Task[None] | None = None
         self._registered: dict[str, Ids] = {}
         """The ids of this program. At its end, another thread may unregister them."""
@@ -127,7 +122,7 @@ class Parts:
     @property
     def is_urgent(self) -> bool:
         """Whether a program may have been killed just now at this vehicle. Then this one must answer at once."""
-        return self._memory is not None and self._memory.is_interrupted(FRESH)
+        return self._memory.is_interrupted(FRESH)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a registered mode. Raises FlightError if it is not registered."""
@@ -164,10 +159,9 @@ class Parts:
             charge.follow(status)
         for active in [*self._active.values()]:
             active.follow(status)
-        if self._memory is not None:
-            for active in self._active.values():
-                self._memory.write(active.ids, status)
-            self._memory.touch()
+        for active in self._active.values():
+            self._memory.write(active.ids, status)
+        self._memory.touch()
 
     def stop(self) -> None:
         """Stop all modes, executors and checks, and send nothing."""
@@ -207,9 +201,8 @@ class Parts:
                 _, ids = self._registered.popitem()
                 with suppress(FlightError):
                     self._registrar.unregister(ids)
-                if self._memory is not None:
-                    self._memory.write(ids, None, is_over=True)
-                    self._memory.release(ids.name)
+                self._memory.write(ids, None, is_over=True)
+                self._memory.release(ids.name)
                 if is_link and self._registered:
                     time.sleep(_APART)
 
@@ -224,12 +217,11 @@ class Parts:
                 await self._check_disarmed(part.subject.name)
                 ids = await self._registrar.register(part.wanted)
         except BaseException:
-            if self._memory is not None:
-                self._memory.release(part.subject.name)
+            self._memory.release(part.subject.name)
             raise
         self._registered[ids.name] = ids
-        if self._memory is not None:  # at once: a program can be killed before the next VehicleStatus
-            self._memory.write(ids, self._feeds["vehicle_status"].latest)
+        status = self._feeds["vehicle_status"].latest
+        self._memory.write(ids, status)  # at once: a program can be killed before the next VehicleStatus
         active = self._begin(part, ids, is_resumed=is_resumed)
         resuming.tell_slot(ids)
         restarts.begin()
@@ -302,8 +294,7 @@ class Parts:
         with self._lock:
             self._registered.pop(active.ids.name, None)
         self._registrar.unregister(active.ids)
-        if self._memory is not None:
-            self._memory.release(active.ids.name)
+        self._memory.release(active.ids.name)
 
     async def _until_ready(self, ids: Ids) -> None:
         """Wait until the vehicle has read the first reply. Until then, it refuses to arm: in any mode, for a check.
@@ -359,8 +350,7 @@ class Parts:
 
     def _remove_selected(self, ids: Ids) -> None:
         """Unregister a mode that the vehicle keeps although it does not answer, because it is selected."""
-        status = self._feeds["vehicle_status"].latest
-        if status is not None and status.nav_state_user_intention == ids.mode:
+        if self._feeds.shows(lambda each: each.nav_state_user_intention == ids.mode):
             self._registrar.unregister(ids)
 
     def _renew(self) -> None:

@@ -6,9 +6,8 @@ import asyncio
 import random
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import RegistrationError, UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import TRIES, Connection, Feeds, Topics, filled
 from msggen.flight.states import is_armed
 
 NAME_SIZE: Final = 25
@@ -17,7 +16,6 @@ ARMED: Final = (
     "the vehicle is armed: register before arming, or wait with `await flight.wait_disarmed()`. In flight, PX4 refuses "
     "it, or the mode that flies is left"
 )
-_TRIES = 5
 _PATIENCE = 1.0
 _REPLIES = 0.1
 """The time in s within which PX4 replies: v1.18 takes 4 to 16 ms."""
@@ -175,23 +173,20 @@ class Registrar:
         def is_answer(reply: Any) -> bool:
             return bool(reply.request_id == request.request_id and bytes(reply.name) == bytes(request.name))
 
+        def send() -> None:
+            self._asked = asyncio.get_running_loop().time()
+            self._connection.publish(_REQUEST, request)
+
+        text = f"no answer from the vehicle to {TRIES} registrations of {_PATIENCE:.0f} s"
         self._waiting.add(request.request_id)
         try:
-            for _ in range(_TRIES):
-                self._asked = asyncio.get_running_loop().time()
-                self._connection.publish(_REQUEST, request)
-                try:
-                    return await self._feeds[REPLY].following(is_answer, _PATIENCE)
-                except TimeoutError:
-                    continue
+            return await self._feeds.answer(REPLY, send, is_answer, text, _PATIENCE)
         finally:
             self._waiting.discard(request.request_id)
-        raise self._feeds.no_answer(f"no answer from the vehicle to {_TRIES} registrations of {_PATIENCE:.0f} s")
 
     def _refusal(self, wanted: Wanted) -> RegistrationError:
         """Return the error of a refusal with its likely reason. The reply of the vehicle has none."""
-        status = self._feeds["vehicle_status"].latest
-        if status is not None and is_armed(status):
+        if self._feeds.shows(is_armed):
             return ArmedError(f"{wanted.name}: {ARMED}")
         if wanted.replaces is not None:
             why = f"another mode already replaces mode {wanted.replaces}, or no slot is free"

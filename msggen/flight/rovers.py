@@ -7,9 +7,9 @@ from collections.abc import Container
 from types import MappingProxyType
 from typing import Any, Final
 
+from msggen.flight.places import Vector, heading_of, wrapped
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import Values, finite, in_range
-from msggen.flight.space import Vector, heading_of, wrapped
 from msggen.flight.usage import DRIVING, explained
 from msggen.messages.setpoints import ROVER, ROVER_POSITION, ROVER_THROTTLE, Kind
 

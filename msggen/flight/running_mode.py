@@ -8,23 +8,19 @@ from logging import getLogger
 from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
-from msggen.flight.answering import Active
-from msggen.flight.checks import Problem, Verdict
-from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.checks import Active, Problem, Requirement, Verdict
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError, report, watched
-from msggen.flight.feeds import Feeds
+from msggen.flight.estimates import checked_estimate, is_landed
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
 from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, lacks, use_for
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
-from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import Configuration, Stream, Values
-from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of
 from msggen.flight.steering import Steering
-from msggen.flight.telemetry import checked_estimate, is_landed
 from msggen.flight.vtol import change, must_change
 from msggen.messages.commands import OF_MODE
 from msggen.messages.setpoints import FIXED_WING, TRAJECTORY, Kind
@@ -44,7 +40,7 @@ class ActiveMode(Active):
         """Take the actions of a user."""
         super().__init__(mode, ids)
         self.mode, self.feeds, self.actions = mode, feeds, actions
-        self._fence = fence.tightened(mode.limits)
+        self.fence = fence.tightened(mode.limits)
         self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
         self._is_owned = ids.executor > 0
         """Whether its executor starts `fly`. Otherwise, `fly` starts when the mode is selected and armed."""
@@ -64,10 +60,10 @@ class ActiveMode(Active):
         self._abandoned = float("-inf")
         """When a run that had not begun was given up. The mode may be entered shortly afterwards."""
         self._connection = connection
-        self._topics = Topics(connection.package)
+        self.topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
-        self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
-        self._steering = Steering(self._stream, self._topics, feeds, self._fence, mode.setpoints)
+        self._stream = Stream(connection, feeds, self.configuration, self.fence.shaped)
+        self._steering = Steering(self._stream, self.topics, feeds, self.fence, mode.setpoints)
         self._lacking = ""
         """Why the mode has no setpoints to fly the vehicle by, if that was told."""
         self._is_changing = False
@@ -82,14 +78,6 @@ class ActiveMode(Active):
     def is_active(self) -> bool:
         """Whether the mode flies the vehicle."""
         return self._stream.is_active
-
-    def check_goto(self, place: Vector) -> None:
-        """See Fence."""
-        self._fence.check_goto(place)
-
-    def check_ranges(self, values: Values) -> None:
-        """See Ranges."""
-        self._fence.ranges.check(values)
 
     @property
     def can_run(self) -> bool:
@@ -128,10 +116,6 @@ class ActiveMode(Active):
         self._check_sent(kind)
         self._steering.guide(kind, make)
 
-    def class_of(self, topic: str) -> Any:
-        """Return the class of a message to the vehicle. Raises UnsupportedError."""
-        return self._topics.incoming(topic)
-
     async def change(self, *, is_forward: bool, seconds: float) -> None:
         """Let a VTOL change to forward flight, or to hovering, and hold the place then. Raises as `to_fixed_wing`."""
         self._check_flying()
@@ -139,15 +123,15 @@ class ActiveMode(Active):
             return
         for kind in (TRAJECTORY, FIXED_WING):
             try:
-                self._topics.incoming(kind.topic)
+                self.topics.incoming(kind.topic)
             except UnsupportedError:
                 raise UnsupportedError(
                     "before PX4 v1.17, a VTOL changes in PX4's own modes only: `await flight.hold()`, then "
                     f"`await flight.to_{'fixed_wing' if is_forward else 'multicopter'}()`"
                 ) from None
-            check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
+            check_declared(self.mode.name, self.mode.setpoints, kind, self.topics)
         if is_forward:
-            await self._fence.check_change()
+            await self.fence.check_change()
         self._steering.cross(checked_estimate(self.feeds), is_forward=is_forward)
         self._is_changing = True
         try:
@@ -166,7 +150,7 @@ class ActiveMode(Active):
         self._check_flying()
         if not self._steering.hold():
             status = self.feeds["vehicle_status"].latest
-            use = f"for {title_of(status)}, {use_for(status, self._topics)}"
+            use = f"for {title_of(status)}, {use_for(status, self.topics)}"
             raise UnsupportedError(f"mode {self.mode.name!r} cannot hold a place by its `setpoints`: {use}")
 
     def _check_flying(self) -> None:
@@ -175,19 +159,15 @@ class ActiveMode(Active):
 
     def _check_sent(self, kind: Kind) -> None:
         self._check_flying()
-        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest, self._topics)
-        check_declared(self.mode.name, self.mode.setpoints, kind, self._topics)
+        check_follows(self.mode.name, kind, self.feeds["vehicle_status"].latest, self.topics)
+        check_declared(self.mode.name, self.mode.setpoints, kind, self.topics)
         self._begins_on_ground = self._begins_on_ground and self._is_stuck()
         if self._begins_on_ground and kind.is_placed:
             raise NotReachedError(f"mode {self.mode.name!r} is on the ground, and {kind.name} {NO_LIFT}")
 
     def _is_stuck(self) -> bool:
         """Whether the vehicle is on the ground and needs a takeoff."""
-        return is_landed(self.feeds) and not self._is(is_rover)
-
-    def _is(self, condition: Callable[[Any], bool]) -> bool:
-        status = self.feeds["vehicle_status"].latest
-        return status is not None and condition(status)
+        return is_landed(self.feeds) and not self.feeds.shows(is_rover)
 
     async def run(self, actions: Actions) -> None:
         """Wait for the end of `fly`, which may be under way: arming starts it. Else select the mode.
@@ -289,7 +269,11 @@ class ActiveMode(Active):
         self._begins_on_ground = is_landed(self.feeds)
         self._stream.start()
         self.overrides.renew()
-        if self._is(is_rover) or self._is(is_in_transition) or (self._is(is_on_wings) and not self._begins_on_ground):
+        if (
+            self.feeds.shows(is_rover)
+            or self.feeds.shows(is_in_transition)
+            or (self.feeds.shows(is_on_wings) and not self._begins_on_ground)
+        ):
             self._hold_or_pause()  # PX4 would go on with the setpoints of the mode before, for ever
         if self._wanted is not None:
             self.restart()
@@ -322,7 +306,7 @@ class ActiveMode(Active):
         result = _FAILURE
         self._is_flying = True
         try:
-            await self._fence.wait_for_home()
+            await self.fence.wait_for_home()
             await self.mode.fly()
         except asyncio.CancelledError:
             if self._task is asyncio.current_task():  # the mode was not left: something else has cancelled it
@@ -390,5 +374,5 @@ class ActiveMode(Active):
         return is_held
 
     def _tell(self, result: int) -> None:
-        cls = self._topics.incoming("mode_completed")
+        cls = self.topics.incoming("mode_completed")
         self._connection.publish("mode_completed", filled(cls, result=result, nav_state=self.ids.mode))

@@ -1,18 +1,22 @@
-"""Setpoints: their values, their configuration in PX4, and sending them at a steady rate."""
+"""Setpoints: their values and ranges, their configuration in PX4, and sending them at a steady rate."""
 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Protocol, TypeAlias, TypeVar
+from logging import getLogger
+from types import MappingProxyType
+from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
-from msggen.flight.connection import Connection, Topics, filled
+from msggen.base.diagnostics import suggestion
 from msggen.flight.errors import UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import Connection, Feeds, Topics, filled
+from msggen.messages.ranges import DEFAULTS, RANGES, Range
 from msggen.messages.setpoints import FIXED_WING, GOTO, OTHER_FAILURE, TRAJECTORY, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 
+LOGGER = getLogger("msggen.flight")
 _TIMEOUT_MS = 500
-_TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
 _HUNG = 0.5
 """The time in s without the event loop after which setpoints are not repeated."""
@@ -24,6 +28,8 @@ _REPEATS = 3
 """How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
 _RENEWED = 1.0
 """The period in s of the messages that configure setpoints."""
+_NONE: Final[Mapping[str, float]] = MappingProxyType({})
+_ANOTHER: Final = "`Flight(..., parameters={{...}})` says what the vehicle has as {}"
 
 Values: TypeAlias = Mapping[str, Mapping[str, Any]]
 """The fields of messages by their topics, in the order of sending."""
@@ -119,15 +125,12 @@ class Configuration:
         return cls(type=kind.number, source_id=self._mode, should_apply=is_applied, timeout_ms=_TIMEOUT_MS)
 
     async def _ask(self, kind: Kind) -> Any:
-        for _ in range(_TRIES):
-            self._connection.publish("setpoint_config", self._request(kind, is_applied=False))
-            try:
-                return await self._feeds["setpoint_config_reply"].following(
-                    lambda reply: bool(reply.source_id == self._mode and reply.type == kind.number), _PATIENCE
-                )
-            except TimeoutError:
-                continue
-        raise self._feeds.no_answer(f"the vehicle has not answered whether it supports {kind.name} setpoints")
+        return await self._feeds.answer(
+            "setpoint_config_reply",
+            lambda: self._connection.publish("setpoint_config", self._request(kind, is_applied=False)),
+            lambda reply: bool(reply.source_id == self._mode and reply.type == kind.number),
+            f"the vehicle has not answered whether it supports {kind.name} setpoints",
+        )
 
 
 _SAME = (GOTO, FIXED_WING)
@@ -248,3 +251,51 @@ class Stream:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+
+class Ranges:
+    """The ranges of a vehicle. What the program does not say is as in PX4's documentation."""
+
+    def __init__(self, parameters: Mapping[str, float] = _NONE) -> None:
+        """Take the values of parameters that the vehicle has. Raises ValueError for others, and for wrong values."""
+        for name, value in parameters.items():
+            if name not in DEFAULTS:
+                near = suggestion(name, DEFAULTS) or f": they are {', '.join(sorted(DEFAULTS))}"
+                raise ValueError(f"{name!r} is no parameter that limits setpoints{near}")
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"expected a value above 0 for {name}, got {value!r}")
+        self._parameters = dict(parameters)
+        self._told: set[str] = set()
+        """The parameters that a warning has named."""
+
+    def check(self, values: Values) -> None:
+        """Raise ValueError for a value that the vehicle cannot follow, as far as the program has said.
+
+        Without that, what is beyond the documented range of a parameter is an error, and what is beyond its default is
+        a warning, which is given once.
+        """
+        for topic, fields in values.items():
+            for name, found in RANGES.get(topic, {}).items():
+                if name in fields:
+                    self._check(found, fields[name])
+
+    def _check(self, found: Range, value: float) -> None:
+        bounds = found.least, found.most
+        least, most = (each.of(self._parameters.get(each.parameter, each.extreme)) for each in bounds)
+        if value < least or value > most:
+            unknown = dict.fromkeys(each.parameter for each in bounds if each.parameter not in self._parameters)
+            raise ValueError(
+                f"expected {found.what} from {least:g} to {most:g} {found.unit}, got {value:g}, and nothing was sent"
+                + (f". {_ANOTHER.format(' and '.join(unknown))}" if unknown else "")
+            )
+        usual_least, usual_most = (each.of(each.default) for each in bounds)
+        if usual_least <= value <= usual_most or math.isnan(value):
+            return
+        bound, usual = (found.least, usual_least) if value < usual_least else (found.most, usual_most)
+        if bound.parameter not in self._told | self._parameters.keys():
+            self._told.add(bound.parameter)
+            LOGGER.warning(
+                "%s of %g %s is beyond %g, by which PX4 may replace it: %s is usually %g. %s",
+                *(found.what, value, found.unit, usual, bound.parameter, bound.default),
+                _ANOTHER.format(bound.parameter),
+            )

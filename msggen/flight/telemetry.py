@@ -6,35 +6,30 @@ Places and velocities are in NED. Angles are in rad, lengths in m, speeds in m/s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
 
-from msggen.flight.elsewhere import Hinted
-from msggen.flight.equipment import (
-    FRESH,
-    PUBLISHED,
-    SLOW,
-    Airspeed,
-    Sticks,
-    VehicleKind,
-    Vtol,
-    Wind,
-    airspeed_of,
-    kind_of,
-    sticks_of,
-    vtol_of,
-    vtol_of_status,
-    wind_of,
-)
-from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.errors import NoAnswerError
+from msggen.flight.estimates import FRESH, SLOW, is_estimate
 from msggen.flight.feeds import Feeds
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
+from msggen.flight.usage import Hinted
+from msggen.messages import vehicle_types
 
 _Value = TypeVar("_Value")
-_LIFTED = 1.0
-"""The height in m above the origin of the local frame from which on a vehicle is in the air, with v1.15."""
 _PATIENCE = 1.0
 """How long to wait for the first message of a topic, in s: `SLOW` for those that PX4 publishes each 1 s."""
+
+PUBLISHED: Final = MappingProxyType(
+    {
+        "airspeed_validated": "on fixed-wing aircraft and VTOLs",
+        "manual_control_setpoint": "once there are sticks",
+        "vtol_vehicle_status": "on VTOLs",
+        "wind": "while its estimator fuses airspeed (EKF2_ARSP_THR) or sideslip (EKF2_FUSE_BETA)",
+    }
+)
+"""When PX4 publishes topics that not every vehicle has."""
 
 
 class LocalPosition(NamedTuple):
@@ -110,6 +105,80 @@ class Land(NamedTuple):
     is_valid: bool
 
 
+class Sticks(NamedTuple):
+    """The sticks of a pilot, from -1 to 1: ManualControlSetpoint. A channel that is not there is NaN."""
+
+    roll: float
+    """To the right."""
+    pitch: float
+    """Forward."""
+    yaw: float
+    """Clockwise."""
+    throttle: float
+    """-1 is the bottom."""
+    flaps: float
+    aux: tuple[float, ...]
+    """aux1 to aux6."""
+    are_moving: bool
+    source: int
+    """1 for a receiver, 2 to 7 for MAVLink: SOURCE_*."""
+    age: float
+    is_valid: bool
+
+
+class Airspeed(NamedTuple):
+    """The speed through the air: AirspeedValidated. PX4 publishes it on fixed-wing aircraft and VTOLs."""
+
+    indicated: float
+    calibrated: float
+    true: float
+    source: int
+    """-1 for none, 0 for the ground speed minus the wind, 1 to 3 for a sensor, 4 for a synthetic one: SOURCE_*."""
+    age: float
+    is_valid: bool
+
+
+class Wind(NamedTuple):
+    """The velocity of the air: Wind, from v1.17 on. A wind from the west has an `east` above 0."""
+
+    north: float
+    east: float
+    variance_north: float
+    """In (m/s)^2, 0 if it is not estimated."""
+    variance_east: float
+    age: float
+    is_valid: bool
+
+
+VtolState: TypeAlias = Literal["unknown", "to fixed wing", "to multicopter", "multicopter", "fixed wing"]
+"""How a VTOL flies, or which transition is under way."""
+
+
+class Vtol(NamedTuple):
+    """How a VTOL flies: VtolVehicleStatus, and with v1.15 VehicleStatus."""
+
+    state: VtolState
+    has_failed: bool
+    """Whether PX4 has given up forward flight after a failure, by a quad-chute. v1.15 does not tell."""
+    age: float
+    is_valid: bool
+
+
+VehicleType: TypeAlias = Literal["unspecified", "multicopter", "fixed wing", "rover"]
+"""How a vehicle moves. Helicopters count as multicopters, boats as rovers, airships and submarines as unspecified."""
+
+
+class VehicleKind(NamedTuple):
+    """What kind of vehicle it is: VehicleStatus."""
+
+    type: VehicleType
+    """How it moves now. A VTOL is a fixed wing in forward flight, and else a multicopter."""
+    is_vtol: bool
+    is_tailsitter: bool
+    age: float
+    is_valid: bool
+
+
 class Telemetry(Hinted):
     """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s.
 
@@ -176,81 +245,6 @@ class Telemetry(Hinted):
         return make(message, feed.age)
 
 
-def is_estimate(message: Any) -> bool:
-    """Whether a VehicleLocalPosition has a valid position and velocity."""
-    return bool(message.xy_valid and message.z_valid and message.v_xy_valid and message.v_z_valid)
-
-
-def valid_estimate(feeds: Feeds) -> Any:
-    """Return the last VehicleLocalPosition, or None if it is not valid, or older than 0.5 s."""
-    feed = feeds["vehicle_local_position"]
-    is_valid = feed.latest is not None and feed.age < FRESH and is_estimate(feed.latest)
-    return feed.latest if is_valid else None
-
-
-def checked_estimate(feeds: Feeds) -> Any:
-    """Return the last VehicleLocalPosition. Raises NoAnswerError if it is not valid, or older than 0.5 s."""
-    found = valid_estimate(feeds)
-    if found is None:
-        raise no_estimate(feeds)
-    return found
-
-
-def no_estimate(feeds: Feeds) -> NoAnswerError:
-    """Return the error of a vehicle without a valid estimate: it has none, or is not heard."""
-    age = feeds["vehicle_local_position"].age
-    if math.isfinite(age) and age > FRESH:
-        return feeds.no_answer(f"no vehicle_local_position for {age:.1f} s: is the link lost?")
-    return NoAnswerError("the vehicle has no valid local position: it needs GPS, or another source of its position")
-
-
-def is_landed(feeds: Feeds) -> bool:
-    """Whether the vehicle is on the ground, as far as it has told. The first call asks for that."""
-    try:
-        found = feeds["vehicle_land_detected"].latest
-    except UnsupportedError:  # v1.15 tells only when it has taken off
-        status = feeds["vehicle_status"].latest
-        return status is not None and not status.takeoff_time
-    return found is not None and bool(found.landed)
-
-
-def is_known_landed(feeds: Feeds) -> bool:
-    """Whether a disarmed vehicle says that it is on the ground. v1.15 does not: its height above the origin counts."""
-    try:
-        feeds["vehicle_land_detected"]
-    except UnsupportedError:
-        place = valid_estimate(feeds)
-        return place is not None and place.z >= -_LIFTED
-    return is_landed(feeds)
-
-
-def is_known_in_air(feeds: Feeds) -> bool:
-    """Whether the vehicle says that it is not on the ground. v1.15 does not: its height above the origin counts."""
-    try:
-        found = feeds["vehicle_land_detected"].latest
-    except UnsupportedError:
-        place = valid_estimate(feeds)
-        return not is_landed(feeds) and place is not None and place.z < -_LIFTED
-    return found is not None and not found.landed
-
-
-async def has_landed(feeds: Feeds) -> bool:
-    """Return whether the vehicle is on the ground, by a message of the last 3 s. Raises NoAnswerError without one.
-
-    v1.15 does not tell: its height above the origin counts.
-    """
-    try:
-        feed = feeds["vehicle_land_detected"]
-    except UnsupportedError:
-        return not is_known_in_air(feeds)
-    if feed.latest is None or feed.age > SLOW:
-        try:
-            await feed.following(lambda _: True, SLOW)
-        except TimeoutError:
-            raise feeds.no_answer(f"no vehicle_land_detected within {SLOW:.0f} s") from None
-    return bool(feed.latest.landed)
-
-
 def _local_position(message: Any, age: float) -> LocalPosition:
     return LocalPosition(
         Vector(message.x, message.y, message.z),
@@ -287,3 +281,69 @@ def _home(message: Any, age: float) -> Home:
 
 def _land(message: Any, age: float) -> Land:
     return Land(bool(message.landed), bool(message.ground_contact), age, is_valid=age < SLOW)
+
+
+def sticks_of(message: Any, age: float) -> Sticks:
+    """Return the value of a ManualControlSetpoint with an age in s."""
+    axes = message.roll, message.pitch, message.yaw, message.throttle
+    aux = tuple(getattr(message, f"aux{place}") for place in range(1, 7))
+    more = bool(message.sticks_moving), message.data_source, age
+    return Sticks(*axes, message.flaps, aux, *more, is_valid=bool(message.valid and age < FRESH))
+
+
+def airspeed_of(message: Any, age: float) -> Airspeed:
+    """Return the value of an AirspeedValidated of any release."""
+    speeds = message.indicated_airspeed_m_s, message.calibrated_airspeed_m_s, message.true_airspeed_m_s
+    is_new = hasattr(message, "airspeed_source")  # v1.17
+    source = message.airspeed_source if is_new else message.selected_airspeed_index
+    return Airspeed(*speeds, source, age, is_valid=source >= 0 and math.isfinite(speeds[1]) and age < FRESH)
+
+
+def wind_of(message: Any, age: float) -> Wind:
+    """Return the value of a Wind."""
+    speeds, variances = (
+        (message.windspeed_north, message.windspeed_east),
+        (message.variance_north, message.variance_east),
+    )
+    is_estimated = all(map(math.isfinite, speeds)) and all(each > 0.0 for each in variances)
+    return Wind(*speeds, *variances, age, is_valid=is_estimated and age < SLOW)
+
+
+_VTOL_STATES: Final[Mapping[int, VtolState]] = MappingProxyType(
+    {
+        vehicle_types.VtolState.TO_FORWARD: "to fixed wing",
+        vehicle_types.VtolState.TO_HOVER: "to multicopter",
+        vehicle_types.VtolState.HOVER: "multicopter",
+        vehicle_types.VtolState.FORWARD: "fixed wing",
+    }
+)
+_TYPES: Final[Mapping[int, VehicleType]] = MappingProxyType(
+    {
+        vehicle_types.ROTARY_WING: "multicopter",
+        vehicle_types.FIXED_WING: "fixed wing",
+        vehicle_types.ROVER: "rover",
+    }
+)
+
+
+def vtol_of(message: Any, age: float) -> Vtol:
+    """Return the value of a VtolVehicleStatus."""
+    state = _VTOL_STATES.get(message.vehicle_vtol_state, "unknown")
+    has_failed = bool(message.fixed_wing_system_failure)
+    return Vtol(state, has_failed, age, is_valid=state != "unknown" and age < SLOW)
+
+
+def vtol_of_status(status: Any, age: float) -> Vtol:
+    """Return the same of a VehicleStatus, for v1.15."""
+    state: VtolState = "fixed wing" if status.vehicle_type == vehicle_types.FIXED_WING else "multicopter"
+    if not status.is_vtol:
+        state = "unknown"
+    elif status.in_transition_mode:
+        state = "to fixed wing" if status.in_transition_to_fw else "to multicopter"
+    return Vtol(state, has_failed=False, age=age, is_valid=state != "unknown" and age < SLOW)
+
+
+def kind_of(status: Any, age: float) -> VehicleKind:
+    """Return the kind of vehicle of a VehicleStatus."""
+    kind = _TYPES.get(status.vehicle_type, "unspecified")
+    return VehicleKind(kind, bool(status.is_vtol), bool(status.is_vtol_tailsitter), age, is_valid=age < SLOW)

@@ -1,12 +1,16 @@
-"""Errors of calls with wrong arguments: they show how the call is written, and name the nearest argument."""
+"""Errors of calls and names that are wrong: they show how a call is written, and name the nearest argument or name.
+
+Some names are those of px4-ros2-interface-lib and MAVSDK: the error tells what msggen calls it.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
+from dis import opmap
 from functools import wraps
-from types import MappingProxyType
-from typing import Final, ParamSpec, TypeVar
+from types import FrameType, MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 from msggen.base.diagnostics import suggestion
 
@@ -36,23 +40,17 @@ LIMITS: Final = "expected keywords: `{0}(height=20.0, distance=50.0)`, in m"
 
 ARGUMENTS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "yaw": "`heading` in rad or `heading_deg`",
+        **dict.fromkeys(("yaw", "yaw_setpoint"), "`heading` in rad or `heading_deg`"),
         "yaw_deg": "`heading_deg`",
-        "yawspeed": "`turn_rate` in rad/s",
-        "yaw_rate": "`turn_rate` in rad/s",
-        "yaw_rate_setpoint": "`turn_rate` in rad/s",
-        "yaw_setpoint": "`heading` in rad or `heading_deg`",
+        **dict.fromkeys(("yawspeed", "yaw_rate", "yaw_rate_setpoint"), "`turn_rate` in rad/s"),
         "speed_body_x": "`speed` in m/s",
-        "throttle_body_x": "`throttle`",
+        **dict.fromkeys(("throttle_body_x", "throttle_direct"), "`throttle`"),
         "normalized_steering_setpoint": "`steering`",
         "equivalent_airspeed": "`airspeed` in m/s",
-        "throttle_direct": "`throttle`",
-        "lat": "`latitude`",
-        "lon": "`longitude`",
+        **dict.fromkeys(("lat", "latitude_deg"), "`latitude`"),
+        **dict.fromkeys(("lon", "longitude_deg"), "`longitude`"),
         "alt": "`altitude`",
         "absolute_altitude_m": "`altitude` in m above mean sea level",
-        "latitude_deg": "`latitude`",
-        "longitude_deg": "`longitude`",
     }
 )
 """Arguments of PX4's messages and of MAVSDK, and those of msggen."""
@@ -112,3 +110,166 @@ def _is_counterpart(wrong: str, known: Mapping[str, object]) -> bool:
 
 def _listed(known: Mapping[str, object]) -> str:
     return ", ".join(each for each in known if each != "self")
+
+
+_CONNECTED = "`async with Flight(address) as flight`"
+_ACTIONS = "a method of the flight: `await flight.arm()`"
+_OFFBOARD = "`async with flight.offboard() as setpoint`"
+_VELOCITY = "`setpoint.trajectory(velocity=...)`"
+_REASONS = "`arm`, which raises RefusedError with the reasons"
+_TELEMETRY = "`flight.telemetry`"
+_SETPOINT = "a method of Mode: `self.trajectory(...)`"
+
+IMPORTED: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "ModeBase": "`Mode`",
+        **dict.fromkeys(("NodeWithMode", "NodeWithModeExecutor", "System"), "`Flight`"),
+        "ModeExecutorBase": "`Executor`",
+        "HealthAndArmingChecks": "`Check`",
+        "HealthAndArmingCheckReporter": "the `problems` and the `health` that a Mode or a Check returns",
+        "Settings": "attributes of a Mode: `name`, `replaces`, `is_selectable`, `flies_disarmed`",
+        "MulticopterGotoSetpointType": "a method of Mode: `await self.goto(...)`",
+        "MulticopterGotoGlobalSetpointType": "a method of Mode: `await self.goto(GlobalPlace(...))`",
+        "TrajectorySetpointType": _SETPOINT,
+        "AttitudeSetpointType": "a method of Mode: `self.attitude(...)`",
+        "RatesSetpointType": "a method of Mode: `self.rates(...)`",
+        "FwLateralLongitudinalSetpointType": "a method of Mode: `self.fixed_wing(...)`",
+        "RoverPositionSetpointType": "a method of Mode: `await self.goto(...)`",
+        **dict.fromkeys(
+            (
+                f"Rover{speed}{turn}SetpointType"
+                for speed in ("Speed", "Throttle")
+                for turn in ("Attitude", "Rate", "Steering")
+            ),
+            "a method of Mode: `self.rover(...)`",
+        ),
+        "DirectActuatorsSetpointType": "a method of Mode: `self.actuators(...)`",
+        "PeripheralActuatorControls": "`flight.set_actuators(...)`",
+        "VTOL": "methods of Mode: `await self.to_fixed_wing()`, `await self.to_multicopter()`",
+        "OdometryLocalPosition": _TELEMETRY,
+        "OdometryGlobalPosition": _TELEMETRY,
+        "OdometryAttitude": _TELEMETRY,
+        "Battery": _TELEMETRY,
+        "LandDetected": _TELEMETRY,
+        "TelemetryAsync": _TELEMETRY,
+        "OdometryAirspeed": f"{_TELEMETRY}: `await airspeed()`",
+        "ManualControlInput": f"{_TELEMETRY}: `await sticks()`",
+        "VtolStatus": f"{_TELEMETRY}: `await vtol()`",
+        "LocalPositionMeasurementInterface": "`flight.measure.local(...)`",
+        "GlobalPositionMeasurementInterface": "`flight.measure.on_earth(...)`",
+        "HomePositionSetter": "`flight.set_home`, `flight.set_origin`",
+        "RequirementFlags": "`Requirement`",
+        **dict.fromkeys(("Mavsdk", "Configuration", "ComponentType"), _CONNECTED),
+        "Action": f"`BlockingFlight`, and {_ACTIONS}",
+        "ActionAsync": _ACTIONS,
+        "Telemetry": f"`BlockingFlight`, and {_TELEMETRY}",
+        "Offboard": f"`BlockingFlight`, and {_OFFBOARD}",
+        "OffboardAsync": _OFFBOARD,
+        "PositionNedYaw": _OFFBOARD,
+        "PositionGlobalYaw": _OFFBOARD,
+        "VelocityNedYaw": _OFFBOARD,
+        "VelocityBodyYawspeed": _OFFBOARD,
+        "AccelerationNed": _OFFBOARD,
+        **dict.fromkeys(("MissionExecutor", "Mission"), "`Mission` of msggen.flight.missions"),
+        "ActionInterface": "`Action` of msggen.flight.missions",
+        **dict.fromkeys(("MavsdkError", "MavsdkConnectionError", "OffboardError", "ActionError"), "`FlightError`"),
+    }
+)
+"""What programs import elsewhere."""
+ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        # px4-ros2-interface-lib
+        "onActivate": "the start of `fly`",
+        "updateSetpoint": "the loop in `fly`",
+        "onDeactivate": "the cancellation of `fly`",
+        "completed": "the end of `fly`: `return`, or an exception",
+        "setSetpointUpdateRate": "the rate of the kind of setpoint",
+        "modeRequirements": "`requires`",
+        "checkArmingAndRunConditions": "`problems`",
+        "armingCheckFailureExt": "a Problem that `problems` returns",
+        "setHealth": "the Health that `health` returns",
+        "scheduleMode": "`await self.fly(mode)`",
+        "waitUntilDisarmed": "`await self.wait_disarmed()`",
+        "waitReadyToArm": "`await self.arm()`, which raises RefusedError with the reasons",
+        "doRegister": "`await flight.add(mode)`",
+        "update": "`goto`, `trajectory`, `attitude`, `rates`",
+        # MAVSDK
+        **dict.fromkeys(("toFixedwing", "transition_to_fixedwing"), "`to_fixed_wing`"),
+        **dict.fromkeys(("toMulticopter", "transition_to_multicopter"), "`to_multicopter`"),
+        "set_actuator": "`set_actuators`",
+        **dict.fromkeys(("action", "arm", "takeoff", "land", "hold"), _ACTIONS),
+        **dict.fromkeys(("rtl", "return_to_launch"), "`return_home` of the flight"),
+        "return_home": "`rtl` of the executor",
+        "goto_location": "`goto(latitude=..., longitude=..., altitude=...)`",
+        "set_takeoff_altitude": "`takeoff(altitude)`",
+        "start": _OFFBOARD,
+        "stop": "the end of that block",
+        "set_position_ned": "`await setpoint.goto(...)`",
+        "set_velocity_ned": _VELOCITY,
+        "set_velocity_body": f"{_VELOCITY}, in NED or ENU",
+        "set_position_global": "`await setpoint.goto(GlobalPlace(...))`",
+        "set_acceleration_ned": "`setpoint.trajectory(acceleration=...)`",
+        "set_position_velocity_ned": "`setpoint.trajectory(position=..., velocity=...)`",
+        "set_position_velocity_acceleration_ned": "`setpoint.trajectory(position=..., velocity=..., acceleration=...)`",
+        "set_attitude": "`self.attitude(...)` in a Mode",
+        "set_attitude_rate": "`self.rates(...)` in a Mode",
+        "position": "`await global_position()` or `await local_position()`",
+        **dict.fromkeys(("position_velocity_ned", "velocity_ned"), "`await local_position()`"),
+        **dict.fromkeys(("attitude_euler", "attitude_quaternion"), "`await attitude()`"),
+        **dict.fromkeys(("in_air", "landed_state"), "`await land()`, whose `is_landed` tells"),
+        "armed": "`is_armed` of the flight",
+        "flight_mode": "`mode` of the flight",
+        **dict.fromkeys(("health", "health_all_ok"), _REASONS),
+        "rc_status": "`await sticks()`",
+        "fixedwing_metrics": "`await airspeed()`",
+        "vtol_state": "`await vtol()`",
+        "set_gps_global_origin": "`set_origin(latitude=..., longitude=..., altitude=...)`",
+        **dict.fromkeys(("connect", "core", "add_any_connection", "first_autopilot", "on_new_system"), _CONNECTED),
+        "mission": "`Mission.load` of msggen.flight.missions for mission files; PX4's own missions go over MAVLink",
+        "param": "parameters go over MAVLink, which msggen does not use",
+        "mocap": "`flight.measure`",
+        **dict.fromkeys(("set_vision_position_estimate", "set_odometry"), "`flight.measure.local(...)`"),
+        "camera": "cameras go over MAVLink, which msggen does not use",
+    }
+)
+"""What programs call elsewhere. Each name is tried only where msggen has none like it."""
+
+
+def told(owner: str, name: str, known: Iterable[str], counterparts: Mapping[str, str] = ATTRIBUTES) -> str:
+    """Return the error of a name that `owner` does not have, with its counterpart or the nearest name in `known`."""
+    known = {*known}
+    meant = counterparts.get(name) or counterparts.get(_camel(name)) or _of_mavsdk(name, known)
+    if meant is not None:
+        return f"{owner} has no {name!r}: in msggen, it is {meant}"
+    return f"{owner} has no {name!r}{suggestion(name, [each for each in known if not each.startswith('_')])}"
+
+
+def _of_mavsdk(name: str, known: Container[str]) -> str | None:
+    """Return what a method is that MAVSDK 4 makes of another one: `subscribe_battery`, and `arm_async` of `arm`."""
+    if name.startswith("subscribe_"):
+        return "a function that is called for each message: `flight.feeds[topic].call(function)`"
+    plain = name.removesuffix("_async")
+    return f"`await {plain}(...)`" if plain != name and plain in known else None
+
+
+def is_import(frame: FrameType) -> bool:
+    """Whether a frame executes `from ... import` just now, and not `hasattr` or an attribute."""
+    return frame.f_code.co_code[frame.f_lasti] == opmap["IMPORT_FROM"]
+
+
+def _camel(name: str) -> str:
+    """Return a name as the C++ library spells it: `schedule_mode` is `scheduleMode`, as in its Python bindings."""
+    first, *others = name.split("_")
+    return first + "".join(each.title() for each in others)
+
+
+class Hinted:
+    """Objects whose missing attributes are told with the nearest name, or with that of another library."""
+
+    if not TYPE_CHECKING:  # type checkers would accept every name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError, which tells what is meant."""
+            cls = type(self)
+            text = told(cls.__name__, name, {*dir(cls), *vars(self)})
+            raise AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own

@@ -1,22 +1,37 @@
-"""The change of a VTOL between hovering and forward flight."""
+"""What only vehicles with wings do: change between hovering and forward flight, circle, and stand armed."""
 
 from __future__ import annotations
 
+import asyncio
+import math
+from collections.abc import Callable
 from contextlib import suppress
+from logging import getLogger
 from typing import Any, Final
 
 from msggen.flight.commands import Commands
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
+from msggen.flight.estimates import is_known_in_air
 from msggen.flight.feeds import Feeds
-from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, title_of
-from msggen.flight.telemetry import is_known_in_air
+from msggen.flight.places import wrapped
+from msggen.flight.states import described, is_armed, is_disarmed, is_in_transition, is_on_wings, is_plane, title_of
 from msggen.messages import commands
+from msggen.messages.nav_states import EXTERNAL, HOLD, LAND, RETURN
 from msggen.messages.vehicle_types import VtolState
 
+LOGGER = getLogger("msggen.flight")
 TRANSITION: Final = 20.0
 """The time in s within which a VTOL changes: PX4 gives up after VT_TRANS_TIMEOUT, 15 s."""
 KNOWN: Final = 5.0
 """The age in s up to which the status of a VTOL counts."""
+_CIRCLES = 2 * math.tau
+"""The turns in rad after which a plane that returns counts as circling over home."""
+_LEVEL = 10.0
+"""The difference in m up to which it keeps its height: NAV_FW_ALT_RAD."""
+_STANDING: Final = frozenset({HOLD, LAND, RETURN, *EXTERNAL})
+"""The modes in which PX4 does not take off."""
+_FORGOTTEN = 10.0
+"""The time in s after which a plane that stands counts as forgotten: COM_DISARM_PRFLT of other vehicles."""
 
 
 def must_change(feeds: Feeds, *, is_forward: bool, seconds: float) -> bool:
@@ -73,3 +88,42 @@ def _why_not(feeds: Feeds, status: Any) -> str:
         if found is not None and found.fixed_wing_system_failure:
             return "a quad-chute has ended it (VT_TRANS_TIMEOUT, VT_F_TR_OL_TM, VT_QC_T_ALT_LOSS), and it hovers"
     return described(status)
+
+
+async def circling(feeds: Feeds) -> None:
+    """Wait until the vehicle has flown two circles at one height."""
+    turned, height, last = 0.0, math.inf, 0.0
+
+    def is_circling(here: Any) -> bool:
+        nonlocal turned, height, last
+        course = math.atan2(here.vy, here.vx)
+        if abs(here.z - height) > _LEVEL:
+            turned, height = 0.0, here.z
+        else:
+            turned += wrapped(course - last)
+        last = course
+        return abs(turned) > _CIRCLES
+
+    await feeds["vehicle_local_position"].following(is_circling)
+    LOGGER.warning("the return has ended in a circle, and PX4 does not land the plane: `await flight.land()` does")
+
+
+def until_disarmed() -> Callable[[Any], bool]:
+    """Return a condition of a VehicleStatus that is disarmed. It raises FlightError for a plane that only stands."""
+    clock = asyncio.get_running_loop().time
+    since = math.inf
+
+    def is_over(status: Any) -> bool:
+        nonlocal since
+        if is_disarmed(status):
+            return True
+        stands = is_plane(status) and not status.takeoff_time and status.nav_state in _STANDING
+        since = min(since, clock()) if stands else math.inf
+        if clock() - since > _FORGOTTEN:
+            raise FlightError(
+                "the plane has not taken off, and PX4 disarms it only after a flight: `await flight.takeoff(30.0)` "
+                "before, or `await flight.disarm()`"
+            )
+        return False
+
+    return is_over

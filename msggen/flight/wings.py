@@ -6,14 +6,14 @@ import math
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from msggen.flight.braking import RADIUS, turn_radius
 from msggen.flight.errors import NotReachedError
+from msggen.flight.estimates import is_estimate, valid_estimate
 from msggen.flight.feeds import Feeds
+from msggen.flight.places import Frame, Vector, check_radians, heading_of, wrapped
 from msggen.flight.sending import Sends
 from msggen.flight.setpoints import Values, finite, in_range
-from msggen.flight.space import Frame, Vector, check_radians, heading_of, wrapped
 from msggen.flight.states import is_on_wings
-from msggen.flight.telemetry import is_estimate, valid_estimate
-from msggen.flight.turning import RADIUS, turn_radius
 from msggen.flight.usage import WINGS, explained
 from msggen.messages.setpoints import FIXED_WING
 
@@ -210,5 +210,4 @@ def circle_centre(estimate: Any) -> Vector:
 
 def thrust_vector(feeds: Feeds, share: float) -> tuple[float, float, float]:
     """Return the thrust from 0 to 1 in FRD: forward on wings, else upward."""
-    status = feeds["vehicle_status"].latest
-    return (share, 0.0, 0.0) if status is not None and is_on_wings(status) else (0.0, 0.0, -share)
+    return (share, 0.0, 0.0) if feeds.shows(is_on_wings) else (0.0, 0.0, -share)

@@ -103,7 +103,7 @@ class Records:
             self._touched = now
             for address in heard:
                 if address in self._heard:
-                    _stamp(self._heard[address])
+                    stamp(self._heard[address])
 
     def _paths(self) -> Iterator[str]:
         with suppress(OSError), os.scandir(self._folder) as entries:
@@ -118,17 +118,10 @@ class Records:
 
     def _replace(self, path: str, data: bytes) -> bool:
         """Replace a file as a whole. Return whether that was possible."""
-        temporary = ""
         try:
             os.makedirs(self._folder, mode=0o700, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=self._folder, prefix=".")  # mode 0600
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            _stamp(temporary)
-            os.replace(temporary, path)
+            replace_stamped(path, data)
         except OSError as error:
-            if temporary:
-                _remove(temporary)
             text = "the next program cannot continue the sessions of this one"
             self._tell_once(f"{text}: {self._folder} cannot be written: {error.strerror or error}")
             return False
@@ -238,7 +231,21 @@ def _remove(path: str) -> None:
         os.unlink(path)
 
 
-def _stamp(path: str) -> None:
+def replace_stamped(path: str, data: bytes) -> None:
+    """Replace a file as a whole, with the time of the monotonic clock. Raises OSError."""
+    handle, temporary = tempfile.mkstemp(dir=os.path.dirname(path), prefix=".")  # mode 0600
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        stamp(temporary)
+        os.replace(temporary, path)
+    except OSError:
+        _remove(temporary)
+        raise
+
+
+def stamp(path: str) -> None:
+    """Let a file have been modified now, by the monotonic clock."""
     now = time.monotonic_ns()
     with suppress(OSError):
         os.utime(path, ns=(now, now))

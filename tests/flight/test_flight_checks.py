@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from msggen.flight import Check, Component, Executor, Flight, FlightError, Health, Mode, Problem, Severity
 from msggen.flight.errors import RefusedError, RegistrationError
-from msggen.flight.memory import Memory
+from msggen.flight.resuming import Memory
 from msggen.messages.events import CODES, OWN, SIZE, event_id, packed
 from msggen.sim import Options
 from msggen.sim.loop import run

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from msggen.flight import TRAJECTORY, Flight, Mode, NoAnswerError, RefusedError, Requirement
-from msggen.flight.equipment import (
+from msggen.flight.errors import UnsupportedError
+from msggen.flight.telemetry import (
     Airspeed,
     VehicleKind,
     Vtol,
@@ -21,7 +22,6 @@ from msggen.flight.equipment import (
     vtol_of,
     vtol_of_status,
 )
-from msggen.flight.errors import UnsupportedError
 from msggen.sim import Options, values
 from support.flown import EXTERNAL, Flown, fly
 

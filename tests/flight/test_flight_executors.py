@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.flight.checks import LOCAL_POSITION
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.requirements import LOCAL_POSITION
 from msggen.sim import Options
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly

@@ -12,11 +12,11 @@ from typing import Any, ClassVar
 
 import pytest
 
+from msggen.flight.checks import LOCAL_POSITION
 from msggen.flight.errors import NoAnswerError, RefusedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.requirements import LOCAL_POSITION
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
 from msggen.sim import Options
 from support.examples import by_day, examples

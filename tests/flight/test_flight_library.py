@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 
 import pytest
 
-from msggen.flight.checks import Problem
+from msggen.flight.checks import Problem, Requirement
 from msggen.flight.errors import NoAnswerError, RefusedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode, needs_of
-from msggen.flight.requirements import Requirement
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 from support.flown import EXTERNAL, Flown, fly
 from support.repository import ROOT

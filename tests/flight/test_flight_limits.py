@@ -19,7 +19,7 @@ from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Fence, Limits
 from msggen.flight.mode import Mode
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 from msggen.sim.loop import run
 from support.examples import by_day, examples

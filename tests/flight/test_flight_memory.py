@@ -15,9 +15,8 @@ from typing import Any
 import pytest
 
 from msggen.flight import RegistrationError
-from msggen.flight.memory import Memory
 from msggen.flight.registration import Ids
-from msggen.flight.resuming import FRESH, _is_same_boot
+from msggen.flight.resuming import FRESH, Memory, _is_same_boot
 
 IDS = Ids("Square", 2, 24, 1)
 VEHICLE = "udp 8888 0 1"
@@ -102,7 +101,7 @@ def test_a_file_that_cannot_be_read_now_stays_and_its_reason_is_told(
         raise OSError(number, os.strerror(number), path)
 
     with monkeypatch.context() as patched:
-        patched.setattr("msggen.flight.memory.read_bytes", read)
+        patched.setattr("msggen.flight.resuming.read_bytes", read)
         memory = Memory(VEHICLE)
         assert memory.claim(IDS.name) is None
         memory.release(IDS.name)

@@ -20,9 +20,9 @@ from msggen.base.diagnostics import Diagnostic, InputError
 from msggen.flight.errors import FlightError
 from msggen.flight.missions import Action, ActionItem, Mission, Plan, Settings, Waypoint, parse_mission, read_mission
 from msggen.flight.missions.built_in import BUILT_IN
-from msggen.flight.missions.expected import ARGUMENTS
 from msggen.flight.missions.located import BrokenError, read
 from msggen.flight.missions.plan import HOOKS, RESERVED
+from msggen.flight.missions.reading import ARGUMENTS
 from msggen.flight.places import GlobalPlace
 from support.commands import run
 from support.examples import examples

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.connection import Topics
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError, UnsupportedError
+from msggen.flight.feeds import Topics
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.missions import (
@@ -30,9 +30,8 @@ from msggen.flight.missions import (
 )
 from msggen.flight.missions.legs import _is_due
 from msggen.flight.missions.plan import RESUMING, Item
-from msggen.flight.places import GlobalPlace
+from msggen.flight.places import GlobalPlace, Vector
 from msggen.flight.pytest import SimVehicle
-from msggen.flight.space import Vector
 from msggen.messages import commands, earth
 from msggen.messages.setpoints import FIXED_WING
 from msggen.sim import Options as SimOptions

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from msggen.flight.checks import LOCAL_POSITION, Requirement
 from msggen.flight.errors import NoAnswerError, RefusedError, RegistrationError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.requirements import LOCAL_POSITION, Requirement
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
 from msggen.generate.cache import package_of
 from msggen.sim import Options
 from msggen.sim.near import NearVehicle

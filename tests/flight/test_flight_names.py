@@ -12,9 +12,9 @@ import pytest
 import msggen.flight
 from msggen.flight import BlockingFlight, Check, Executor, Flight, FlightError, Mode
 from msggen.flight.blocking import BlockingOffboard, BlockingTelemetry
-from msggen.flight.elsewhere import ATTRIBUTES, IMPORTED, Hinted, told
 from msggen.flight.offboard import Offboard
 from msggen.flight.telemetry import Telemetry
+from msggen.flight.usage import ATTRIBUTES, IMPORTED, Hinted, told
 from support.flown import Flown, fly
 from support.repository import ROOT
 
@@ -54,8 +54,8 @@ def test_a_name_that_is_only_looked_for_is_no_error(name: str) -> None:
 
 def test_only_public_names_are_completed_and_modules_can_be_imported() -> None:
     assert dir(msggen.flight) == sorted(msggen.flight.__all__)
-    sys.modules.pop("msggen.flight.elsewhere")
-    exec("from msggen.flight import elsewhere, Flight, Mode")  # noqa: S102 - as above
+    sys.modules.pop("msggen.flight.usage")
+    exec("from msggen.flight import usage, Flight, Mode")  # noqa: S102 - as above
     with pytest.raises(ImportError, match="cannot import name 'Flihgt'"):
         exec("from msggen.flight import Flihgt")  # noqa: S102 - as above
     with pytest.raises(AttributeError, match="has no 'Flihgt', did you mean 'Flight'"):

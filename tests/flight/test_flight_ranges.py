@@ -14,7 +14,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.missions import ActionItem, Mission, Plan, Settings, Waypoint
 from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace
-from msggen.flight.ranges import Ranges
+from msggen.flight.setpoints import Ranges
 from msggen.messages.ranges import DEFAULTS, RANGES
 from msggen.messages.setpoints import BY_NUMBER, FIXED_WING, ROVER, ROVER_THROTTLE
 from msggen.sim import Options

@@ -15,7 +15,7 @@ from msggen.flight.errors import LimitError, NoAnswerError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
-from msggen.flight.space import Vector
+from msggen.flight.places import Vector
 from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run

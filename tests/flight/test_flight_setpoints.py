@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.trajectory import FREE
+from msggen.flight.sending import FREE
 from msggen.messages.setpoints import ATTITUDE, RATES
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly

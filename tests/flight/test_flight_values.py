@@ -87,7 +87,7 @@ def test_a_trajectory_is_finite_or_free_in_each_value(
     px4_types: Any, values: tuple[float, ...], heading: float | None
 ) -> None:
     """NaN says that something is not controlled. Infinity and what a float32 cannot hold is an error."""
-    from msggen.flight.trajectory import Trajectory
+    from msggen.flight.sending import Trajectory
 
     axes = values[:3], values[3:6], values[6:]
     is_large = any(not math.isnan(each) and abs(each) > 3.4e38 for each in values)

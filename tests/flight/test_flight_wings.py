@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.flight.connection import Topics
+from msggen.flight.braking import RADIUS
 from msggen.flight.errors import FlightError, LimitError, NotReachedError, UnsupportedError
+from msggen.flight.feeds import Topics
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
 from msggen.flight.places import GlobalPlace
-from msggen.flight.ranges import Ranges
-from msggen.flight.turning import RADIUS
+from msggen.flight.setpoints import Ranges
 from msggen.messages.nav_states import RETURN
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES
 from msggen.sim import Options

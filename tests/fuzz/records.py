@@ -18,10 +18,9 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from fuzz.sessions import SETTINGS
-from msggen.flight import memory
-from msggen.flight.memory import Memory, Remembered
+from msggen.flight import resuming
 from msggen.flight.registration import Ids
-from msggen.flight.resuming import _is_same_boot
+from msggen.flight.resuming import Memory, Remembered, _is_same_boot
 from msggen.link import session_files
 from msggen.link.link import Opened
 from msggen.link.session_files import Records, pack
@@ -184,14 +183,14 @@ class _warnings(logging.Handler):  # noqa: N801 - used as a function
 
     def __enter__(self) -> list[logging.LogRecord]:
         self.records: list[logging.LogRecord] = []
-        self.was = memory.LOGGER.propagate
-        memory.LOGGER.addHandler(self)
-        memory.LOGGER.propagate = False
+        self.was = resuming.LOGGER.propagate
+        resuming.LOGGER.addHandler(self)
+        resuming.LOGGER.propagate = False
         return self.records
 
     def emit(self, record: logging.LogRecord) -> None:
         self.records.append(record)
 
     def __exit__(self, *_: object) -> None:
-        memory.LOGGER.removeHandler(self)
-        memory.LOGGER.propagate = self.was
+        resuming.LOGGER.removeHandler(self)
+        resuming.LOGGER.propagate = self.was

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from logging import getLogger
 from typing import Any, ClassVar, Literal, TypeAlias
 
 from msggen.base.diagnostics import suggestion
 from msggen.flight.actions import Actions
 from msggen.flight.errors import FlightError, RefusedError, report
+from msggen.flight.estimates import has_landed
 from msggen.flight.executor import Executor
 from msggen.flight.missions.legs import MissionMode, Segment
 from msggen.flight.missions.plan import ActionItem, Plan, Settings
 from msggen.flight.places import GlobalPlace
-from msggen.flight.telemetry import has_landed
 
 LOGGER = getLogger("msggen.flight")
 
 Arguments: TypeAlias = Mapping[str, Any]
+Function: TypeAlias = "Callable[[Handler, Arguments], Coroutine[Any, Any, None]]"
 Reason: TypeAlias = Literal["actionDoesNotExist", "noValidMission", "trajectoryFailure", "modeFailure", "other"]
 
 
@@ -53,6 +54,21 @@ class Action:
 
     def deactivate(self) -> None:
         """End what has outlasted `run`, such as a camera that takes photos: the mission was interrupted."""
+
+
+class FunctionAction(Action):
+    """An action that is an `async def` function."""
+
+    def __init__(self, function: Function, *, stops: bool = True) -> None:
+        self._function, self._stops = function, stops
+
+    def stops(self, _: Arguments) -> bool:
+        """See Action."""
+        return self._stops
+
+    async def run(self, handler: Handler, arguments: Arguments) -> None:
+        """See Action."""
+        await self._function(handler, arguments)
 
 
 class Progress:

@@ -7,16 +7,14 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from msggen.flight.checks import Problem
+from msggen.flight.checks import GLOBAL_POSITION, Problem
 from msggen.flight.errors import LimitError, NoAnswerError
+from msggen.flight.estimates import is_landed
 from msggen.flight.feeds import Feeds, first
 from msggen.flight.missions.plan import Settings
 from msggen.flight.mode import Mode
-from msggen.flight.places import GlobalPlace, local_place
-from msggen.flight.requirements import GLOBAL_POSITION
-from msggen.flight.space import Vector, wrapped
+from msggen.flight.places import GlobalPlace, Vector, local_place, wrapped
 from msggen.flight.states import is_on_wings, is_rover, types_of
-from msggen.flight.telemetry import is_landed
 from msggen.messages import earth
 from msggen.messages.setpoints import FIXED_WING, GOTO, ROVER_POSITION, TRAJECTORY, Kind
 
@@ -60,7 +58,7 @@ class MissionMode(Mode):
     @property
     def is_driving(self) -> bool:
         """Whether the vehicle is a rover, as far as that is known."""
-        return self.is_registered and self._status is not None and is_rover(self._status)
+        return self.is_registered and self.feeds.shows(is_rover)
 
     @property
     def is_on_ground(self) -> bool:
@@ -91,7 +89,7 @@ class MissionMode(Mode):
             north, east = earth.local((here.ref_lat, here.ref_lon), latitude, longitude)
             down = math.nan if is_rover(self._status) else here.ref_alt - altitude
             try:
-                self._own.check_goto(Vector(north, east, down))
+                self._own.fence.check_goto(Vector(north, east, down))
             except LimitError as error:
                 found.append(f"item {index} is {error}")
             except NoAnswerError:  # there is no home position yet
@@ -105,9 +103,9 @@ class MissionMode(Mode):
         for speed in (each for each in speeds if is_known and each is not None):
             try:
                 if is_on_wings(self._status):
-                    self._own.check_ranges({FIXED_WING.topics[1]: {"equivalent_airspeed": speed}})
+                    self._own.fence.ranges.check({FIXED_WING.topics[1]: {"equivalent_airspeed": speed}})
                 elif is_rover(self._status):
-                    self._own.check_ranges({ROVER_POSITION.topic: {"cruising_speed": speed}})
+                    self._own.fence.ranges.check({ROVER_POSITION.topic: {"cruising_speed": speed}})
             except ValueError as error:
                 found.append(f"horizontalVelocity: {error}")
         return found

@@ -9,28 +9,29 @@ from collections.abc import Callable, Coroutine, Iterator, Mapping
 from inspect import iscoroutinefunction
 from logging import getLogger
 from types import new_class
-from typing import Any, TypeAlias
+from typing import Any
 
 from msggen.base.diagnostics import InputError
 from msggen.flight.errors import FlightError, NotReachedError, report
+from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import first
-from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, settings_of
+from msggen.flight.missions.built_in import BUILT_IN, TAKEOFF, is_built_in, settings_of, takeoff_problems
 from msggen.flight.missions.handler import (
     Action,
     Arguments,
+    Function,
+    FunctionAction,
     Handler,
     MissionError,
     Progress,
 )
 from msggen.flight.missions.legs import MissionMode
-from msggen.flight.missions.lifting import is_built_in, takeoff_problems
 from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
 from msggen.flight.missions.state import StateFile
 from msggen.flight.setpoints import check_seconds
 from msggen.flight.states import is_disarmed
-from msggen.flight.telemetry import is_landed
 
 LOGGER = getLogger("msggen.flight")
 _DEEPEST = 11
@@ -39,18 +40,6 @@ _GRACE = 0.5
 """The time in s in which a mode ends because the vehicle is disarmed."""
 _LOOK = 0.5
 """The period in s at which the file is looked at, and whether the mission is ready."""
-
-Function: TypeAlias = Callable[[Handler, Arguments], Coroutine[Any, Any, None]]
-
-
-class _FunctionAction(Action):
-    """An action that is an `async def` function."""
-
-    def __init__(self, function: Function) -> None:
-        self._function = function
-
-    async def run(self, handler: Handler, arguments: Arguments) -> None:
-        await self._function(handler, arguments)
 
 
 class Mission(Executor):
@@ -356,7 +345,7 @@ def _action(name: str, given: Action | Function) -> Action:
         return given
     if not iscoroutinefunction(given):
         raise TypeError(f"action {name!r}: expected an `async def` function or an object of Action, got {given!r}")
-    return _FunctionAction(given)
+    return FunctionAction(given)
 
 
 def _read(path: str, actions: Mapping[str, object]) -> Plan:

@@ -63,59 +63,74 @@ class Flown:
     """The modes, the track and the messages of a flight."""
 
     def __init__(self) -> None:
-        self.changes: list[ModeChange] = []
-        self.places: list[Place] = []
-        self.sent: list[Sent] = []
+        self._entered: list[ModeChange] = []
+        self._places: list[Place] = []
+        self._sent: list[Sent] = []
         self._mode: int | None = None
         self._due = 0
 
-    def observe(self, world: World, now: int) -> None:
+    def _observe(self, world: World, now: int) -> None:
         """Record the state of the vehicle at a time in us."""
         mode = world.mode if world.is_armed else None
         if mode not in (None, self._mode):
-            self.changes.append(ModeChange(now / 1e6, mode_name(world)))
+            self._entered.append(ModeChange(now / 1e6, mode_name(world)))
         self._mode = mode
         if now >= self._due:
             self._due = now + _INTERVAL
-            self.places.append(Place(now / 1e6, *world.flight.position))
+            self._places.append(Place(now / 1e6, *world.flight.position))
+
+    @property
+    def modes(self) -> list[str]:
+        """The names of the modes that were active while the vehicle was armed, one after the other."""
+        return [each.mode for each in self._entered]
+
+    @property
+    def mode_changes(self) -> list[ModeChange]:
+        """The same modes, with the times at which they started."""
+        return [*self._entered]
+
+    @property
+    def sent(self) -> list[Sent]:
+        """The messages that programs have sent."""
+        return [*self._sent]
 
     @property
     def setpoints(self) -> list[Sent]:
-        """The setpoints that programs have sent."""
-        return [each for each in self.sent if each.topic.endswith(_SETPOINT)]
+        """The setpoints among them."""
+        return [each for each in self._sent if each.topic.endswith(_SETPOINT)]
 
     @property
     def track(self) -> NDArray[np.float64]:
-        """The track as an array of rows: time, north, east, down."""
+        """Where the vehicle was, every 0.02 s, as rows of a numpy array: time, north, east, down."""
         import numpy as np
 
-        return np.array(self.places, dtype=np.float64).reshape(-1, 4)
+        return np.array(self._places, dtype=np.float64).reshape(-1, 4)
 
-    def within(self, radius: float, height: float) -> Answer:
-        """Return whether all places are within `radius` m of the start, and not higher than `height` m."""
+    def flown_within(self, radius: float, height: float) -> Answer:
+        """Return whether the vehicle stayed within `radius` m of its start, and not higher than `height` m."""
 
         def outside(place: Place) -> bool:
             return math.hypot(place.north, place.east) > radius or -place.down > height
 
-        found = next(filter(outside, self.places), None)
-        farthest = max((math.hypot(each.north, each.east) for each in self.places), default=0.0)
-        highest = max((-each.down for each in self.places), default=0.0)
+        found = next(filter(outside, self._places), None)
+        farthest = max((math.hypot(each.north, each.east) for each in self._places), default=0.0)
+        highest = max((-each.down for each in self._places), default=0.0)
         most = f"{farthest:.1f} m from the start and {highest:.1f} m high"
         if found is not None:
             return Answer(is_true=False, text=f"{most} at most, beyond the limits at {found.time:.2f} s")
         return Answer(is_true=True, text=f"never more than {most}")
 
-    def passed(self, goals: Sequence[Sequence[float]], within: float) -> Answer:
-        """Return whether the vehicle has passed the places, one after the other."""
+    def flown_past(self, *places: Sequence[float], within: float = 1.0) -> Answer:
+        """Return whether the vehicle has passed the places in this order: each is north, east and optionally down."""
         begin = 0
-        for goal in goals:
-            near = [_distance(each, goal) for each in self.places[begin:]]
+        for goal in places:
+            near = [_distance(each, goal) for each in self._places[begin:]]
             reached = next((index for index, distance in enumerate(near) if distance <= within), None)
             if reached is None:
                 closest = f"{min(near):.1f} m" if near else "nothing"
                 return Answer(is_true=False, text=f"no nearer to {tuple(goal)} than {closest}")
             begin += reached
-        return Answer(is_true=True, text=f"passed {len(goals)} places within {within:g} m")
+        return Answer(is_true=True, text=f"passed {len(places)} places within {within:g} m")
 
 
 def _distance(place: Place, goal: Sequence[float]) -> float:

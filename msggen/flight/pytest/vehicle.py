@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from types import CodeType, ModuleType, TracebackType
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from msggen.flight.flight import Flight
 from msggen.flight.pytest.faults import Faults
-from msggen.flight.pytest.flown import Answer, Flown, ModeChange, Sent, mode_name
+from msggen.flight.pytest.flown import Flown, Sent, mode_name
 from msggen.flight.pytest.recording import Recording
 from msggen.flight.runners import CallerRunner
 from msggen.sim import Options
 from msggen.sim.loop import SimulatedLoop
 from msggen.sim.near import NearVehicle
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 _Result = TypeVar("_Result")
 _Parameters = ParamSpec("_Parameters")
@@ -67,7 +63,7 @@ class Airspace:
         return SimulatedLoop([self], self.time)
 
 
-class SimVehicle(NearVehicle):
+class SimVehicle(NearVehicle, Flown):
     """A vehicle in the process of the test: `Flight(sim_vehicle)` and `BlockingFlight(sim_vehicle)` fly it.
 
     Its clock advances while programs wait. `limit` is the time in s after which a program that has not ended fails.
@@ -82,9 +78,9 @@ class SimVehicle(NearVehicle):
         limit: float = 600.0,
         airspace: Airspace | None = None,
     ) -> None:
-        super().__init__(package, options)
+        NearVehicle.__init__(self, package, options)
+        Flown.__init__(self)
         self._recording, self._limit = recording, limit
-        self._flown = Flown()
         self.airspace = Airspace() if airspace is None else airspace
         """All vehicles that share the clock."""
         self.faults = Faults(self, f"{options.seed} {options.key}")
@@ -144,16 +140,6 @@ class SimVehicle(NearVehicle):
         return mode_name(self.world)
 
     @property
-    def modes(self) -> list[str]:
-        """The names of the modes that were active while the vehicle was armed, one after the other."""
-        return [each.mode for each in self._flown.changes]
-
-    @property
-    def mode_changes(self) -> list[ModeChange]:
-        """The same modes, with the times at which they started."""
-        return [*self._flown.changes]
-
-    @property
     def is_armed(self) -> bool:
         """Whether the vehicle is armed."""
         return self.world.is_armed
@@ -164,32 +150,9 @@ class SimVehicle(NearVehicle):
         return self.world.flight.position
 
     @property
-    def track(self) -> NDArray[np.float64]:
-        """Where the vehicle was, every 0.02 s, as rows of a numpy array: time, north, east, down."""
-        return self._flown.track
-
-    @property
-    def sent(self) -> list[Sent]:
-        """The messages that programs have sent."""
-        return [*self._flown.sent]
-
-    @property
-    def setpoints(self) -> list[Sent]:
-        """The setpoints among them."""
-        return self._flown.setpoints
-
-    @property
     def state(self) -> str:
         """The state as a text for people, such as `armed, takeoff`."""
         return self.world.state(was_armed=False)
-
-    def flown_within(self, radius: float, height: float) -> Answer:
-        """Return whether the vehicle stayed within `radius` m of its start, and not higher than `height` m."""
-        return self._flown.within(radius, height)
-
-    def flown_past(self, *places: Sequence[float], within: float = 1.0) -> Answer:
-        """Return whether the vehicle has passed the places in this order: each is north, east and optionally down."""
-        return self._flown.passed(places, within)
 
     @property
     def recording(self) -> str | None:
@@ -202,14 +165,14 @@ class SimVehicle(NearVehicle):
         """See NearVehicle."""
         self.faults.advance(now)
         super().advance(now)
-        self._flown.observe(self.world, now)
+        self._observe(self.world, now)
         if self._recording is not None:
             self._recording.observe(self.world, now)
 
     def publish(self, topic: str, message: Any) -> None:
         """See NearVehicle."""
         super().publish(topic, message)
-        self._flown.sent.append(Sent(self.time / 1e6, topic, message))
+        self._sent.append(Sent(self.time / 1e6, topic, message))
 
     def loses(self, topic: str) -> bool:
         """See NearVehicle."""
