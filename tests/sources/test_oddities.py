@@ -1,7 +1,7 @@
 """Tests of unusual definitions: the verdicts of PX4's generator, a C++ compiler, ROS 2 and msggen on each.
 
 The tests run the real genmsg and rosidl, and g++ if it is installed. A definition that PX4 builds is no error in any
-command. unusual.md has the same table for readers, and a test compares the two.
+command. tests/sources/unusual.md has the same table for readers, and a test compares the two.
 """
 
 from __future__ import annotations
