@@ -62,10 +62,10 @@ def sections(results: Results) -> list[Section]:
     return [
         Section(
             "Decode and encode",
-            [decode, encode],
+            [decode],
             "codec",
             "Decode and encode: time compared with msggen, a bar for each package and a dot for each message",
-            [tables.lazy_table(results.lazy)],
+            [encode, tables.lazy_table(results.lazy)],
         ),
         Section(
             "Batches",
