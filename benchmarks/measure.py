@@ -76,10 +76,10 @@ def sections(results: Results) -> list[Section]:
         ),
         Section(
             "Ready, and memory",
-            [tables.starts_table(results.starts)],
+            [],
             "cost",
             "Time until a first message is decoded, and memory of a decoded message, for each package",
-            [tables.memory_table(results.sizes)],
+            [tables.starts_table(results.starts), tables.memory_table(results.sizes)],
         ),
         Section(
             "Generation",
