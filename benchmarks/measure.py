@@ -25,7 +25,7 @@ def main() -> None:
     console = Console(width=None if sys.stdout.isatty() else WIDTH)
     results = collect(QUICK if quick else FULL, console)
     for section in sections(results):
-        for table in section.tables:
+        for table in (*section.tables, *section.details):
             table.show(console)
     short = summary(list(goals(results)))
     files = {DOCS / "benchmarks" / f"{name}.svg": text for name, text in drawn(results).items()}
@@ -59,26 +59,34 @@ def sections(results: Results) -> list[Section]:
     """Return the sections of the page."""
     decode = tables.codec_table("decode", results.samples, results.decode)
     encode = tables.codec_table("encode", results.samples, results.encode)
-    batches = [tables.columns_table(results.columns), tables.arrays_table(results.arrays, results.bandwidth)]
     return [
         Section(
             "Decode and encode",
-            [decode, encode, tables.lazy_table(results.lazy)],
+            [decode],
             "codec",
             "Decode and encode: time compared with msggen, a bar for each package and a dot for each message",
+            [encode, tables.lazy_table(results.lazy)],
         ),
-        Section("Batches", batches, "columns", "Time for each sample from payloads to columns, message by message"),
+        Section(
+            "Batches",
+            [tables.columns_table(results.columns)],
+            "columns",
+            "Time for each sample from payloads to columns, message by message",
+            [tables.arrays_table(results.arrays, results.bandwidth)],
+        ),
         Section(
             "Ready, and memory",
-            [tables.starts_table(results.starts), tables.memory_table(results.sizes)],
+            [],
             "cost",
             "Time until a first message is decoded, and memory of a decoded message, for each package",
+            [tables.starts_table(results.starts), tables.memory_table(results.sizes)],
         ),
         Section(
             "Generation",
-            [tables.commands_table(results.commands), tables.scale_table(results.scales)],
+            [tables.commands_table(results.commands)],
             "generation",
             "Time of generation for each message, for one, ten and a hundred times as many messages",
+            [tables.scale_table(results.scales)],
         ),
     ]
 

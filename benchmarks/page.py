@@ -28,7 +28,8 @@ KEPT = "Simulated vehicles"
 
 RATIOS = """\
 A ratio is the time of another package divided by the time of msggen, unless the column head says otherwise. Means are
-over all messages, of which the charts have a dot each. The terminal prints all rows."""
+over all messages, of which the charts have a dot each. The terminal prints all rows, and tables of encoding,
+lazy views, single buffers, start-up, memory and larger sets of messages."""
 
 HOW = f"""\
 Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each
@@ -49,6 +50,8 @@ class Section(NamedTuple):
     """The name of its file, without the suffix."""
     says: str = ""
     """The alternative text of the chart."""
+    details: Sequence[Table] = ()
+    """Further tables, which only the terminal prints."""
 
 
 def page(summary: Table, sections: Sequence[Section]) -> str:

@@ -9,14 +9,13 @@ ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {
     "Start": ("README", "docs/install", "docs/first-flight"),
     "Types": (
-        *("docs/build", "docs/package", "docs/meaning", "docs/batches", "docs/frames", "docs/time", "docs/versions"),
+        *("docs/build", "docs/package", "docs/meaning", "docs/frames", "docs/time", "docs/versions"),
         *("docs/cmake", "docs/render"),
     ),
     "Firmware in step": (
         *(
             "docs/sync",
             "docs/check",
-            "docs/lint",
             "docs/editor",
             "docs/bump",
             "docs/ci",
@@ -57,7 +56,7 @@ GROUPS = {
         *("docs/benchmarks", "CHANGELOG"),
     ),
     "Inside": (
-        *("docs/design", "docs/design_package", "docs/design_inside", "docs/fuzz", "docs/libraries"),
+        *("docs/design", "docs/design_inside", "docs/libraries"),
         *("CONTRIBUTING", "SECURITY"),
     ),
 }

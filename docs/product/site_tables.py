@@ -1,9 +1,11 @@
-"""What the site adds to pages from the program: an entry for each error code, and the tables of rules."""
+"""What the site adds to pages from the program: an entry for each error code, and tables of rules and of names."""
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from types import MappingProxyType
 
@@ -13,6 +15,8 @@ from msggen.check.compare.rules import RULES
 from msggen.check.finding import Rule
 from msggen.check.lint.rules import LINT
 from msggen.doctor.rules import DOCTOR
+from msggen.generate.render import views
+from msggen.generate.text.words import FILTERS
 from msggen.show.report.errors import ErrorText, error_texts, paragraph
 from msggen.show.report.table import commands_of
 
@@ -109,6 +113,46 @@ def _of_flights() -> str:
     )
 
 
+VIEWS = {
+    "catalog": views.CatalogView,
+    "message": views.MessageView,
+    "field": views.FieldView,
+    "constant": views.ConstantView,
+    "leaf": views.LeafView,
+    "topic": views.TopicView,
+    "endpoint": views.EndpointView,
+    "service": views.ServiceView,
+}
+
+
+def _of_templates() -> str:
+    """Return a table of the names of each view, and one of the filters, from their docstrings."""
+    parts = [f"\n### {kind}\n\n{_table(('name', ''), *_names(view))}" for kind, view in VIEWS.items()]
+    filters = ((f"`{name}`", str(inspect.getdoc(each)).partition("\n")[0]) for name, each in FILTERS.items())
+    return "".join([*parts, "\n### filters\n\n", _table(("name", ""), *filters)])
+
+
+def _names(view: type) -> Iterator[tuple[str, str]]:
+    """Yield the names of a view for templates, and what they are, those of its base classes first."""
+    said = _attributes()
+    for base in reversed(view.__mro__):
+        for name in dict.fromkeys((*vars(base).get("__annotations__", ()), *vars(base))):
+            if not name.startswith("_") and base.__module__ == views.__name__:
+                text = said.get((base.__name__, name)) or str(inspect.getattr_static(base, name).__doc__)
+                yield f"`{name}`", text.replace("|", r"\|")
+
+
+def _attributes() -> dict[tuple[str, str], str]:
+    """Return the text below each attribute of the views that has a type, by class and name."""
+    classes = (each for each in ast.parse(inspect.getsource(views)).body if isinstance(each, ast.ClassDef))
+    return {
+        (each.name, ast.unparse(line.target)): str(below.value.value)
+        for each in classes
+        for line, below in zip(each.body, each.body[1:], strict=False)
+        if isinstance(line, ast.AnnAssign) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+    }
+
+
 ADDED: Mapping[str, Callable[[], str]] = MappingProxyType(
     {
         "errors": _errors,
@@ -116,6 +160,7 @@ ADDED: Mapping[str, Callable[[], str]] = MappingProxyType(
         "lint_rules": _of_lint,
         "doctor_rules": _of_doctor,
         "flight_rules": _of_flights,
+        "template_names": _of_templates,
     }
 )
 """The functions that make what is added, by name."""

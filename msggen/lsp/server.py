@@ -322,7 +322,7 @@ def page_about(problem: Problem) -> str:
     """Return the address of the page about a code or a rule."""
     if problem.finding is None:
         return f"{_SITE}/errors.html#{problem.code.lower()}"
-    return f"{_SITE}/{'lint' if problem.finding.rule in LINT else 'check'}.html#rules"
+    return f"{_SITE}/check.html#{'quality-of-definitions' if problem.finding.rule in LINT else 'rules'}"
 
 
 def span_of(state: State, problem: Problem) -> Span:

@@ -219,7 +219,7 @@ def test_the_own_definitions_are_good() -> None:
 
 def test_the_texts_say_how_to_select_all_rules() -> None:
     every = ",".join(dict.fromkeys(rule.category.name for rule in LINT))
-    for path in ("docs/lint.md", "msggen/show/report/errors.yaml"):
+    for path in ("docs/check.md", "msggen/show/report/errors.yaml"):
         assert f"--select {every}`" in (ROOT / path).read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""The command `python -m tests.fuzz`, which runs campaigns (docs/fuzz.md)."""
+"""The command `python -m tests.fuzz`, which runs campaigns (CONTRIBUTING.md)."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
+from textwrap import indent
 
 sys.path[0:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "", "generated")]
 
@@ -30,6 +31,7 @@ def _parser() -> argparse.ArgumentParser:
     length.add_argument("--minutes", type=float, help="time for all campaigns together, in equal parts")
     length.add_argument("--count", type=int, help="number of cases of each campaign (default: as the tests run)")
     length.add_argument("--index", type=int, help="check only the case with this index")
+    length.add_argument("--list", action="store_true", help="list the campaigns, and what each case proves")
     parser.add_argument("--processes", type=int, default=1, help="number of processes (default: 1)")
     parser.add_argument("--output", type=Path, default=Path("fuzz-failures"), help="folder for failing cases")
     return parser
@@ -46,6 +48,9 @@ def main() -> int:
     if unknown:
         parser.error(f"unknown campaign '{unknown[0]}' (choose from {', '.join(NAMES)})")
     names = options.campaigns or NAMES
+    if options.list:
+        print(*map(_description, names), sep="\n")
+        return 0
     seconds = options.minutes * 60 / len(names) if options.minutes else None
     failed = False
     warnings.simplefilter("ignore")  # numpy warns about some of the hostile values
@@ -59,6 +64,11 @@ def main() -> int:
             parts = [indices_of(process, options.processes, count) for process in range(options.processes)]
         failed |= not _campaign(name, options.seed, parts, seconds, options.output)
     return int(failed)
+
+
+def _description(name: str) -> str:
+    campaign = find(name)
+    return f"{name}: {campaign.COUNT:,} cases at night\n{indent(str(campaign.__doc__).strip(), '    ')}\n"
 
 
 def _campaign(name: str, seed: int, parts: Sequence[Iterable[int]], seconds: float | None, output: Path) -> bool:

@@ -35,7 +35,6 @@ from msggen.vehicle.owned.records import event_of
 from support import disk_tasks
 from support.examples import by_day
 from support.recordings import START
-from support.repository import ROOT
 from support.scratch import scratch_root
 
 ENOUGH = 3000
@@ -324,9 +323,13 @@ def test_a_failure_names_the_command_that_repeats_it() -> None:
     assert Failure("kills", 3, 12, (), "").command == "python -m tests.fuzz kills --seed 3 --index 12"
 
 
-def test_the_page_lists_all_campaigns_and_their_counts() -> None:
-    page = (ROOT / "docs" / "fuzz.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| ([\d,]+) \|", page, re.MULTILINE)
+def test_the_list_has_all_campaigns_their_counts_and_what_they_prove(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["fuzz", "--list"])
+    assert command.main() == 0
+    listed = capsys.readouterr().out
+    rows = re.findall(r"^(\w+): ([\d,]+) cases at night\n    \w", listed, re.MULTILINE)
     assert [(name, int(count.replace(",", ""))) for name, count in rows] == [(name, find(name).COUNT) for name in NAMES]
 
 

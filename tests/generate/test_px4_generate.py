@@ -1,8 +1,8 @@
 """Tests that `msggen px4-generate` writes the same bytes as the firmware's generator scripts, and works in its build.
 
-`px4_tree` is a small firmware with templates of this project, which use every name that docs/px4_generate.md lists; the
-output of the real genmsg and EmPy for them is in `px4_tree/expected`. Where genmsg is installed, more of its output is
-compared. With MSGGEN_PX4_TREE set to a PX4-Autopilot tree, that tree's own scripts and templates are compared too.
+`px4_tree` is a small firmware with templates of this project, which use every name that tests/generate/px4_names.md
+lists; the output of the real genmsg and EmPy for them is in `px4_tree/expected`. Where genmsg is installed, more of its
+output is compared. With MSGGEN_PX4_TREE set to a PX4-Autopilot tree, its own scripts and templates are compared too.
 """
 
 from __future__ import annotations
@@ -620,7 +620,7 @@ def run(*command: str) -> str:
 
 
 def test_every_documented_name_is_used_by_these_templates() -> None:
-    page = (ROOT / "docs" / "px4_generate.md").read_text(encoding="utf-8")
+    page = Path(__file__).with_name("px4_names.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`.*?) \|", page, re.MULTILINE)
     names = {name for row in rows for name in re.findall(r"`([\w.]+)(?:\(.*?\))?`", row)}
     texts = [path.read_text() for path in (*TREE.rglob("*.em"), *TREE.rglob("*.py"))]

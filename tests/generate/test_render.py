@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import pytest
+from site_tables import with_tables
 
 from msggen.base.diagnostics import CODES
 from msggen.cli import DONE, FAILED, FINDINGS, main
@@ -608,6 +609,7 @@ def test_a_comment_is_filled_and_no_line_of_it_continues_in_c() -> None:
 # --- docs/render.md
 
 PAGE = (ROOT / "docs" / "render.md").read_text(encoding="utf-8")
+SITE = with_tables(PAGE)
 VIEWS = {
     "catalog": CatalogView,
     "message": MessageView,
@@ -622,7 +624,7 @@ VIEWS = {
 
 def table(heading: str) -> list[str]:
     """Return the names in the table below a heading of the page."""
-    section = re.search(rf"^### {heading}\n\n((?:\|.*\n)+)", PAGE, re.MULTILINE)
+    section = re.search(rf"^### {heading}\n\n((?:\|.*\n)+)", SITE, re.MULTILINE)
     assert section
     return [name for row in section[1].splitlines()[2:] for name in re.findall(r"`(\w+)[^`]*`", row.split("|")[1])]
 
@@ -631,6 +633,7 @@ def table(heading: str) -> list[str]:
 def test_the_page_has_every_name_that_templates_know(name: str) -> None:
     view = VIEWS[name]
     names = {*dir(view), *getattr(view, "__annotations__", ())}
+    assert not re.search(r"^\| `\w+` \| (?:None)? ?\|$", SITE, re.MULTILINE), "a name without a docstring"
     assert sorted(table(name)) == sorted(found for found in names if not found.startswith("_"))
 
 

@@ -787,7 +787,7 @@ def test_hostile_input_takes_little_memory(px4_types: Any) -> None:
 
 
 def test_elements_of_a_nested_array_are_sorted_in_a_copy(px4_types: Any) -> None:
-    """docs/batches.md states this: the padding of EscStatus' elements overlaps the fields before them."""
+    """docs/package.md states this: the padding of EscStatus' elements overlaps the fields before them."""
     cls = px4_types.EscStatus
     message = cls(timestamp=1, counter=2, esc_count=3, esc_connectiontype=4, esc_online_flags=5, esc_armed_flags=6)
     for number, report in enumerate(message.esc):

@@ -67,7 +67,6 @@ ERRORS = {
 
 PAGES_OF_CODE = (
     "package.md",
-    "batches.md",
     "connect.md",
     "frames.md",
     "meaning.md",
@@ -109,7 +108,7 @@ def sessions(page: str) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.tools("git")
-@pytest.mark.parametrize("page", ["check.md", "lint.md"])
+@pytest.mark.parametrize("page", ["check.md"])
 def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
     """Each command prints what the page shows below it; all of them run in order in one shell."""
     tree = tmp_path / "PX4-Autopilot"

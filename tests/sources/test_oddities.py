@@ -1,7 +1,7 @@
 """Tests of unusual definitions: the verdicts of PX4's generator, a C++ compiler, ROS 2 and msggen on each.
 
 The tests run the real genmsg and rosidl, and g++ if it is installed. A definition that PX4 builds is no error in any
-command. docs/build.md has the same table for readers, and a test compares the two.
+command. tests/sources/unusual.md has the same table for readers, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from msggen.cli import DONE, FAILED, main
 from support.catalogs import catalog_of, write_definitions
 from support.examples import by_day
 from support.px4_scripts import snake_case, topics
-from support.repository import ROOT
 from support.rosidl import COMPILER, NO, YES, ask_rosidl
 
 STAMP = "uint64 timestamp\n"
@@ -254,7 +253,7 @@ TABLE = re.compile(rf"^\| ([^|]+) \| {_VERDICT} \| {_VERDICT} \| ([^|]+) \|$", r
 
 
 def test_the_page_has_the_same_table() -> None:
-    found = TABLE.findall((ROOT / "docs" / "build.md").read_text(encoding="utf-8"))
+    found = TABLE.findall(Path(__file__).with_name("unusual.md").read_text(encoding="utf-8"))
     assert [(shown, px4, ros) for shown, px4, ros, _ in found] == [(each.shown, each.px4, each.ros) for each in ROWS]
     for each, (*_, said) in zip(ROWS, found, strict=True):
         levels = {Level.WARNING: "warning", Level.ERROR: "error"}

@@ -9,7 +9,7 @@ from msggen.definitions.model import ArrayKind, FieldType
 from msggen.definitions.primitives import OCTETS, STRINGS
 
 ARRAY_FROM = 16
-"""The length from which fixed arrays of numbers are held as array.array (docs/design_package.md measures it)."""
+"""The length from which fixed arrays of numbers are held as array.array (docs/design_inside.md measures it)."""
 
 
 class Kind(Enum):

@@ -1,6 +1,6 @@
 """The statements of `encode` and `decode` for a message with a static layout: one `struct` format for all values.
 
-Python holds the values as follows (docs/design_package.md has the measurements):
+Python holds the values as follows (docs/design_inside.md has the measurements):
 
 - one number or bool: itself
 - `uint8[N]`, `char[N]`, `byte[N]`: bytes

@@ -1,4 +1,4 @@
-"""The documented model for templates. docs/render.md lists all names, and a test compares it with this module.
+"""The documented model for templates. The site makes the tables of all names in docs/render.md of its docstrings.
 
 A view combines the facts from model, layout and identity about one thing. Each fact is computed on first access.
 """
@@ -208,7 +208,7 @@ class MessageView(_Definition):
 
     @property
     def condition(self) -> str:
-        """The condition under which the firmware's build includes the message, in CMake's syntax, or ""."""
+        """The condition under which `msg/CMakeLists.txt` lists the message, in CMake's syntax, or ""."""
         return self._model.condition
 
     @property
@@ -445,7 +445,7 @@ class TopicView(_View):
 
     @property
     def condition(self) -> str:
-        """The condition under which the firmware's build includes its message, or ""."""
+        """The condition under which `msg/CMakeLists.txt` lists its message, or ""."""
         return self._model.condition
 
     @property
@@ -504,7 +504,7 @@ class EndpointView(_View):
 
     @property
     def rate_limit(self) -> str:
-        """The rate limit that applies, as text: `5 Hz`, `no limit`, or "" for `in`."""
+        """The rate limit that applies, also the client's default, as text: `5 Hz`, `no limit`, or "" for `in`."""
         interval = self.publish_interval_ms
         if interval is None:
             return ""
@@ -547,12 +547,12 @@ class EndpointView(_View):
 
     @property
     def writer_qos(self) -> QosView:
-        """The quality of service of the writer: PX4 for `out`, the application for `in`."""
+        """The QoS of the writer, PX4 for `out`: `reliability`, `durability`, `history` and `depth`."""
         return QosView(*self._model.writer_qos)
 
     @property
     def reader_qos(self) -> QosView:
-        """The quality of service of the reader."""
+        """The QoS of the reader."""
         return QosView(*self._model.reader_qos)
 
 

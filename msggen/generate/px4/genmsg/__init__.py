@@ -1,6 +1,6 @@
 """The `genmsg` of templates: the names of the genmsg package that the firmware's templates use, on msggen's model.
 
-docs/px4_generate.md lists the names. This is not the genmsg package; only the names are the same.
+tests/generate/px4_names.md lists the names. This is not the genmsg package; only the names are the same.
 """
 
 from msggen.generate.px4.genmsg import gentools, msg_loader, msgs, names
