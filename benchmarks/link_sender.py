@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import select
 import socket
 import struct
 import sys
@@ -33,6 +34,7 @@ TIMESTAMP = struct.Struct("<Q")
 SEQUENCE = struct.Struct("<H")
 HEADERS = 12
 """The bytes of a datagram before its sample: headers of message and submessage, request id and object id."""
+_ALIVE_S = 1.0
 
 
 class Load(NamedTuple):
@@ -226,6 +228,8 @@ def main() -> None:
     load = Load(*json.loads(sys.argv[1]))
     sends = {"udp": udp, "zenoh": zenoh, "dds": dds, "typed": typed}[load.kind](load)
     print("ready", flush=True)
+    while not select.select([sys.stdin], [], [], _ALIVE_S)[0]:
+        sends[0]()  # a vehicle that sends nothing is disconnected, and is asked for definitions only if it does
     sys.stdin.readline()
     print(send_all(sends, load), flush=True)
     sys.stdin.readline()  # until the receiver has finished, so that nobody is disconnected before

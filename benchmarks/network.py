@@ -103,7 +103,8 @@ def _router(to_vehicle: int, _to_program: int) -> contextlib.AbstractContextMana
 def _network(to_vehicle: int, to_program: int) -> contextlib.AbstractContextManager[subprocess.Popen[str]]:
     """Run a process that owns the link over UDP, and is the router that carries it."""
     address, network = f"udp://{_HOST}:{to_vehicle}", f"tcp/{_HOST}:{to_program}"
-    return run("-m", "msggen", "link", "serve", "--link", address, "--zenoh", network, ready="open")
+    types = str(ROOT / "generated/px4_types")
+    return run("-m", "msggen", "link", "serve", address, "--zenoh", network, "--types", types, ready="open")
 
 
 WAYS = (

@@ -188,7 +188,7 @@ class Totals:
     """What was carried in all sessions, and what was not."""
 
     def __init__(self) -> None:
-        from msggen.ros.refusals import Refusals
+        from msggen.vehicle.refusals import Refusals
 
         self.refusals = Refusals()
         self._to_ros: Counter[str] = Counter()

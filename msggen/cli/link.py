@@ -17,8 +17,8 @@ from msggen.base.location import Location
 from msggen.cli.chosen_types import Chosen, Types, is_given, known_types, release_types, types_for
 from msggen.cli.options import Group, WrongArgumentError, add_repeatable, add_shared
 from msggen.cli.source_options import settings_of
-from msggen.cli.values import KEY, local_path, non_empty, positive
-from msggen.link.link_types import DEFAULT, usages
+from msggen.cli.values import KEY, Deferred, local_path, non_empty, positive
+from msggen.link.link_types import DEFAULT, ROUTER_PORT, usages
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
@@ -74,15 +74,7 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
     group = parser.add_argument_group("link")
     add_address(group)
     if has_types:
-        source = group.add_mutually_exclusive_group()
-        source.add_argument(
-            "--types",
-            metavar="NAME|DIR",
-            type=local_path,
-            help="generated package with the vehicle's messages (default: the setting `types`, the firmware of the "
-            "settings or in the current folder if the vehicle has it, or else the vehicle's embedded release)",
-        )
-        add_shared(source, "--px4")
+        add_types(group)
     group.add_argument("--key", metavar="N", type=KEY, help="key of the vehicle, its UXRCE_DDS_KEY")
     group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
     add_allowed(group)
@@ -94,10 +86,32 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
     )
 
 
+def add_types(group: Group) -> None:
+    """Add the options that name the types of messages."""
+    source = group.add_mutually_exclusive_group()
+    source.add_argument(
+        "--types",
+        metavar="NAME|DIR",
+        type=local_path,
+        help="generated package with the vehicle's messages (default: the setting `types`, the firmware of the "
+        "settings or in the current folder if the vehicle has it, or else the vehicle's embedded release)",
+    )
+    add_shared(source, "--px4")
+
+
 def add_address(group: Group) -> None:
     """Add the option that names a link."""
     text = f"{usages()} (default: the setting `link`, or {DEFAULT})"
     group.add_argument("--link", metavar="URL", type=non_empty, help=text)
+
+
+@Deferred
+def router(text: str) -> str:
+    """Return the address of a link at the router with a locator of Zenoh, and perhaps a configuration."""
+    found = re.fullmatch("tcp/(.+)", text)
+    if not found:
+        raise argparse.ArgumentTypeError(f"expected a locator such as tcp/127.0.0.1:{ROUTER_PORT}, found {text!r}")
+    return f"zenoh://{found[1]}"
 
 
 def add_allowed(group: Group) -> None:

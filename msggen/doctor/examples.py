@@ -23,7 +23,7 @@ from msggen.doctor.observation import (
     VehicleSeen,
 )
 from msggen.link.link import Client, Remote, Route, Statistics
-from msggen.link.rmw_zenoh.vehicles import old_form
+from msggen.link.rmw_zenoh.vehicle import old_form
 from msggen.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
 from msggen.messages.measurements import NED, PARTS
 from msggen.messages.names import uorb_name

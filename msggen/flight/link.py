@@ -75,7 +75,7 @@ class LinkConnection:
         needs = [*needs]
         await self._known([*needs, *further])
         with _told():
-            if self._vehicle.remote.guid:
+            if any(route.type_hash for route in self._vehicle.routes):
                 await self._settled()
             Alone(self._vehicle, _CHOICE).check()
             self._is_by_type = bool(self._vehicle.remote.guid) and self._vehicle.firmware.release == "v1.17"

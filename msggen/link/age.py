@@ -25,6 +25,7 @@ LONGEST_S: Final = 0.5
 """The longest time in s that a message may wait: after it, PX4 takes a goto or an Offboard heartbeat for lost."""
 LONGEST_NS: Final = round(LONGEST_S * 1e9)
 LATE: Final = f"waited for more than {LONGEST_S:g} s: dropped"
+LATE_OR_BEHIND: Final = f"{LATE}, or the clock of the computer that published it is behind"
 NEVER: Final = (1 << 63) - 1
 """The time until which something may be sent that does not expire."""
 _DRIFT: Final = 2e-4

@@ -347,13 +347,17 @@ class Link(ABC):
     def keep(self, remote: Remote, samples: Mapping[str, Kept]) -> None:  # noqa: B027
         """Write samples into the record of a session, by the names of their routes."""
 
-    # --- Links that are shared. These methods never raise
+    # --- Links that are shared, or over which only what is followed crosses. These methods never raise
 
     def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:  # noqa: B027
         """Begin or end to take the samples of a route."""
 
+    def has_last(self, remote: Remote) -> bool:  # noqa: ARG002
+        """Whether the link is to be asked for the last samples of a vehicle, because others do not cross."""
+        return self.is_shared
+
     def last(self, remote: Remote, route: Route) -> Sample | None:  # noqa: ARG002
-        """Return the last sample of a route, also one from before this program began. None if there is none."""
+        """Return the last sample of a route, also one from before this program began, or None. That can take 1 s."""
         return None
 
     def cancel(self, remote: Remote, number: int) -> None:  # noqa: B027

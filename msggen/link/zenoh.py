@@ -12,12 +12,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from ipaddress import ip_address
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
-from msggen.base.missing import installing
-from msggen.link.age import LATE, NEVER, is_over
+from msggen.link.age import LATE, LONGEST_NS, NEVER, expiry, is_over, now
 from msggen.link.guard import guarded
 from msggen.link.link import (
     Event,
@@ -33,11 +31,12 @@ from msggen.link.link import (
     deliver,
 )
 from msggen.link.link_types import ROUTER_PORT
-from msggen.link.rmw_zenoh.names import GID_SIZE, Attachment
-from msggen.link.rmw_zenoh.vehicles import Vehicles
+from msggen.link.rmw_zenoh.connection import Connection
+from msggen.link.rmw_zenoh.names import BEATS, GID_SIZE, Attachment, parse_attachment
+from msggen.link.rmw_zenoh.vehicles import EVERYTHING, Vehicles
 
 if TYPE_CHECKING:
-    from msggen.link.rmw_zenoh.session import Session
+    from msggen.link.rmw_zenoh.session import Declared, Session
 
 _TURN_S: Final = 0.2
 """The longest time between two looks at the vehicles."""
@@ -46,8 +45,10 @@ _MOST: Final = 20_000
 _MOST_TOKENS: Final = 200_000
 _SETTLED_S: Final = 5.5
 """The time after which a vehicle that was there when this program became the router has found it."""
-_ALONE_S: Final = 3.0
-"""The time without a router after which a client tries to be the router."""
+_TOKENS_S: Final = 0.5
+"""The time in which tokens arrive before vehicles without tokens are looked for."""
+_ANSWER_S: Final = 0.8
+"""The longest wait in s for the last sample of a topic."""
 
 
 class ZenohLink(Link):
@@ -58,14 +59,15 @@ class ZenohLink(Link):
 
     def __init__(self, host: str = "127.0.0.1", port: int = ROUTER_PORT, *, config: str = "") -> None:
         """Make a link. `config` is the path of a configuration of Zenoh, such as one with TLS and access control."""
-        self._place, self._config = (host, port), config
+        self._connection = Connection(host, port, config, self._begin)
         self._queue: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._vehicles = Vehicles(self._tell, self._is_own)
-        self._session: Session | None = None
+        self._subscribed: dict[str, Declared] = {}
+        """What is subscribed to, by key. The thread of the link has it."""
         self._listener: Listener | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
-        self._routed_at = self._opened_at = 0.0
+        self._opened_at = 0.0
         self._received = self._sent = self._unsent = self._dropped = 0
         self._lock = threading.Lock()
         """Guards the counters of what is published."""
@@ -75,26 +77,24 @@ class ZenohLink(Link):
     @property
     def is_router(self) -> bool:
         """Whether this program is the router."""
-        return self._session is not None and self._session.is_router
+        return self._connection.is_router
 
     def start(self, listener: Listener) -> None:
         """Open the session and start the thread. Raises LinkError."""
         if self._thread is not None or self._closing:
             raise LinkError("a link can be started once: make another one")
         self._listener = guarded(listener)
-        self._session = self._open()
         self._opened_at = time.monotonic()
-        if self.is_router and not (self._config or _is_loopback(self._place[0])):
-            self._listener.warned(
-                f"listening on {self._place[0]}:{self._place[1]}: Zenoh has no authentication here, so whoever can "
-                "connect to this port can pose as a vehicle; name a configuration with access control, config="
-            )
+        self._connection.open()
+        warning = self._connection.warning("pose as a vehicle")
+        if warning:
+            self._listener.warned(warning)
         self._thread = threading.Thread(target=self._run, args=(self._listener,), name="msggen-zenoh", daemon=True)
         self._thread.start()
 
     def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Put a sample. Raises LinkError if the vehicle is gone or has no such route, or if others would get it too."""
-        session = self._session
+        session = self._connection.session
         try:
             key = self._key_to(remote, route, until)
         except StaleError:
@@ -105,7 +105,8 @@ class ZenohLink(Link):
             raise LinkError("the connection to the router is lost: wait until it is back")
         with self._lock:
             self._sequences[key] += 1
-            attachment = Attachment(self._sequences[key], time.time_ns(), self._gid).pack()
+            published = self._time_for(remote, (until if until > 0 else expiry()) - LONGEST_NS)
+            attachment = Attachment(self._sequences[key], published, self._gid).pack()
         session.put(key, payload, attachment)
         with self._lock:
             self._sent += 1
@@ -115,9 +116,36 @@ class ZenohLink(Link):
             raise StaleError(f"a message of {route.name} {LATE}")
         return self._vehicles.key_to(remote, route, time.monotonic_ns())
 
+    def _time_for(self, remote: Remote, published: int) -> int:
+        """Return what to tell of the time at which something was published, of `age.now`, in ns since 1970.
+
+        It is of the clock of the process that carries the vehicle, if one does, and never too late.
+        """
+        vehicle = self._vehicles.carried(remote)
+        clock = vehicle.clock if vehicle is not None else None
+        return clock.of(published) if clock is not None else time.time_ns() - (now() - published)
+
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:  # noqa: ARG002
-        """Raise LinkError: PX4 has no services on Zenoh."""
-        raise LinkError(f"PX4 has no service {service.name} on Zenoh: publish the command, and wait for its answer")
+        """Raise LinkError: there are no services on Zenoh."""
+        raise LinkError(f"there is no service {service.name} on Zenoh: publish the command, and wait for its answer")
+
+    def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
+        """Begin or end to take the samples of a route of a vehicle that is carried over the network."""
+        self._queue.put(lambda: self._vehicles.follow(remote, route, is_followed=is_followed))
+
+    def has_last(self, remote: Remote) -> bool:
+        """Whether a process carries the vehicle over the network, which has all its last samples."""
+        return self._vehicles.carried(remote) is not None
+
+    def last(self, remote: Remote, route: Route) -> Sample | None:
+        """Return the last sample of a route that the process has that carries the vehicle. None if it tells none."""
+        session, vehicle = self._connection.session, self._vehicles.carried(remote)
+        known = vehicle.routes.get(route.name) if vehicle is not None else None
+        if session is None or known is None or threading.current_thread() is self._thread:
+            return None
+        answer = session.ask(known.text, _ANSWER_S)
+        told = parse_attachment(answer[1]) if answer is not None else None
+        return Sample(remote, route, answer[0], told.time) if answer is not None and told is not None else None
 
     def is_settled(self) -> bool:
         """Whether all vehicles have connected, as far as it is known. PX4 looks for a router every 5 s."""
@@ -148,19 +176,14 @@ class ZenohLink(Link):
 
     # The threads of Zenoh
 
-    def _open(self) -> Session:
-        """Return a session that fills the queue. Raises LinkError."""
-        try:
-            from msggen.link.rmw_zenoh.session import open_session
-        except ImportError as error:
-            raise LinkError(f"the package eclipse-zenoh is not installed: {installing('zenoh')}") from error
-        session = open_session(*self._place, self._config)
-        self._session = session
-        session.listen(self._take_token, self._take_sample)
-        return session
+    def _begin(self, session: Session) -> None:
+        """Fill the queue from a session."""
+        self._subscribed.clear()
+        session.tokens(self._take_token)
 
     def _is_own(self, zid: str) -> bool:
-        return self._session is not None and self._session.is_own(zid)
+        session = self._connection.session
+        return session is not None and session.is_own(zid)
 
     def _take_token(self, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
         if self._queue.qsize() < _MOST_TOKENS:
@@ -171,7 +194,10 @@ class ZenohLink(Link):
             self._dropped += 1
             return
         arrived = time.time_ns()
-        self._queue.put(lambda: self._vehicles.sample(key, payload, attachment, arrived, time.monotonic_ns()))
+        if key.startswith(BEATS):
+            self._queue.put(lambda: self._vehicles.beat(key, attachment, time.monotonic_ns()))
+        else:
+            self._queue.put(lambda: self._vehicles.sample(key, payload, attachment, arrived, time.monotonic_ns()))
 
     # The thread of the link
 
@@ -192,41 +218,27 @@ class ZenohLink(Link):
                     self._queue.get(timeout=_TURN_S)()
                 except Empty:
                     looked = 0.0
-                if (now := time.monotonic()) - looked > _TURN_S:
-                    looked = now
-                    self._look(now)
+                if (moment := time.monotonic()) - looked > _TURN_S:
+                    looked = moment
+                    self._vehicles.tick(time.monotonic_ns())
+                    self._connection.look()
+                if self._vehicles.wanted != self._subscribed.keys():
+                    self._subscribe(moment)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
             failure = f"the link failed: {type(error).__name__}: {error}"
         with ExitStack() as ending:  # from the last to the first, also if one of them raises an exception
             if failure:
                 ending.callback(listener.failed, failure)
-            ending.callback(self._end_session)
+            ending.callback(self._connection.close)
             ending.callback(self._vehicles.close, failure or "the link was closed")
 
-    def _look(self, now: float) -> None:
-        self._vehicles.tick(time.monotonic_ns())
-        if self._session is not None and self._session.has_router:
-            self._routed_at = now
-        elif now - self._routed_at > _ALONE_S:
-            self._routed_at = now
-            self._end_session()
-            self._begin_again()
-
-    def _begin_again(self) -> None:
-        """Be the router, or a client of the next one, as soon as that is possible."""
-        try:
-            self._session = self._open()
-        except LinkError:
-            self._session = None
-
-    def _end_session(self) -> None:
-        session, self._session = self._session, None
-        if session is not None:
-            session.close()
-
-
-def _is_loopback(host: str) -> bool:
-    """Whether a host is this computer, for itself only."""
-    with suppress(ValueError):
-        return ip_address(host).is_loopback
-    return host == "localhost"
+    def _subscribe(self, moment: float) -> None:
+        """Subscribe to what is wanted, and to nothing else: so the router does not send it."""
+        session, wanted = self._connection.session, self._vehicles.wanted
+        if session is None or (EVERYTHING in wanted and moment - self._opened_at < _TOKENS_S):
+            return
+        for key in self._subscribed.keys() - wanted:
+            self._subscribed.pop(key).withdraw()
+        with suppress(LinkError):  # the session has ended, and another one follows
+            for key in wanted - self._subscribed.keys():
+                self._subscribed[key] = session.subscribe(key, self._take_sample)

@@ -7,10 +7,10 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from msggen.base.qos import DEPTH
-from msggen.link.age import LATE, LONGEST_S
+from msggen.link.age import LATE_OR_BEHIND, LONGEST_S
 from msggen.link.link import LinkError, Route
 from msggen.messages.names import stem_of
 from msggen.ros.service import Server
@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from msggen.ros.plan import Plan, Row, Source
-    from msggen.ros.refusals import Refusals
+    from msggen.vehicle.refusals import Refusals
     from msggen.vehicle.vehicle import Vehicle
 
-_LATE: Final = f"{LATE}, or the clock of the computer that published it is behind"
 _SLICE = 0.2
 """The longest wait in s without a look at the end."""
 
@@ -235,7 +234,7 @@ class Relay:
         It is decoded and encoded, because PX4 takes one encapsulation only.
         """
         if waited > LONGEST_S:
-            self._refusals.add(row.name, _LATE)
+            self._refusals.add(row.name, LATE_OR_BEHIND)
             return
         try:
             self._vehicle.publish(row.to_vehicle(payload), stem_of(row.route.name), waited=waited)

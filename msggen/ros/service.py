@@ -15,7 +15,7 @@ from msggen.ros.waiting import waited_since
 
 if TYPE_CHECKING:
     from msggen.ros.plan import ServiceRow
-    from msggen.ros.refusals import Refusals
+    from msggen.vehicle.refusals import Refusals
     from msggen.vehicle.vehicle import Vehicle
 
 WAIT_S: Final = 5.0

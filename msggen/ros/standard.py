@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
 from msggen.messages.packages import Message, package_of_class
-from msggen.ros.refusals import Refusals
+from msggen.vehicle.refusals import Refusals
 
 Values: TypeAlias = Mapping[str, Any]
 """The fields of a message of ROS by name. A nested message is a mapping, too."""

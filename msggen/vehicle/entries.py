@@ -63,7 +63,7 @@ class Entries(dict[int, Entry]):
                 entry.check.recall({route.ros_type: route.message_hash})
             if not self._link.is_shared and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
                 entry.answers |= {route.name}
-            if entry.is_started:
+            if entry.is_started and _is_asked_for(route):
                 entry.check.add([route], remote.namespace)
                 entry.due_ns = min(entry.due_ns, entry.heard_ns + RETRY_NS)
         return entry
@@ -112,7 +112,7 @@ class Entries(dict[int, Entry]):
                 return
             if not entry.is_started:
                 entry.is_started = True
-                entry.check.add(entry.routes.values(), entry.remote.namespace)
+                entry.check.add(filter(_is_asked_for, entry.routes.values()), entry.remote.namespace)
             entry.check.ask()
             entry.ticked_ns, entry.due_ns = now, now + RETRY_NS
             if not entry.check.is_complete:
@@ -125,3 +125,8 @@ class Entries(dict[int, Entry]):
             else:
                 entry.ticked_ns, entry.due_ns = 0, _IDLE
                 self._settled(entry)
+
+
+def _is_asked_for(route: Route) -> bool:
+    """Whether the vehicle is asked for the definition of a route: its link does not tell it."""
+    return not route.type_hash

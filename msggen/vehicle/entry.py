@@ -114,6 +114,11 @@ class Entry:
         is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
         return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
 
+    @property
+    def is_on_zenoh(self) -> bool:
+        """Whether its link is one over Zenoh, which tells definitions by their hashes, and has no services."""
+        return any(route.type_hash for route in tuple(self.routes.values()))
+
     def boot_ns(self, now: int) -> int:
         """Return when the vehicle has started, in ns since 1970, 0 if its samples do not have times since boot."""
         if not 0 <= now - self._boot.looked_ns < PERIOD_NS:
@@ -137,8 +142,8 @@ class Entry:
         return route is not None and route.direction == "out"
 
     def last_of(self, route: Route, link: Link) -> Kept | None:
-        """Return the last sample of a route. The owner of the link has also those that do not cross to this process."""
-        if not link.is_shared:
+        """Return the last sample of a route. Others have also those that do not cross to this process."""
+        if not link.has_last(self.remote):
             return self.last.get(route.name)
         found = link.last(self.remote, route)
         if found is None:

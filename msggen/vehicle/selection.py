@@ -55,7 +55,7 @@ NOT_ON_ZENOH: Final = (
 )
 """Why a vehicle on Zenoh does not have a topic."""
 NO_SERVICES: Final = (
-    "PX4 has no services on Zenoh: publish VehicleCommand, and wait for VehicleCommandAck, as `msggen command` does"
+    "there are no services on Zenoh: publish VehicleCommand, and wait for VehicleCommandAck, as `msggen command` does"
 )
 
 

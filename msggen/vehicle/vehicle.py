@@ -475,7 +475,7 @@ class Vehicle:
         service = entry.services.get(type(request).__msg__.ros_type)
         if service is None:
             have = ", ".join(f"'{each.name}'" for each in tuple(entry.services.values())) or "no service"
-            why = NO_SERVICES if entry.remote.guid else f"it has {have}; PX4 has one since v1.15"
+            why = NO_SERVICES if entry.is_on_zenoh else f"it has {have}; PX4 has one since v1.15"
             raise TopicError(f"{shown(entry.remote)} has no service '{service_name}': {why}")
         payload = entry.calls.call(service, request.encode(), timeout)
         return response.decode(payload)

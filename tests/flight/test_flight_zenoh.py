@@ -15,6 +15,7 @@ from msggen.generate.cache import package_of
 from msggen.live import Vehicle
 from msggen.sim import Simulator
 from support.flying import CALM, simulated, wait_long_for_replies
+from support.networked import networked
 from support.ports import free_port
 
 pytest.importorskip("zenoh")
@@ -82,6 +83,32 @@ def test_a_flight_over_zenoh(px4_types: Any, caplog: pytest.LogCaptureFixture) -
         assert not simulator.vehicles[0].refused
         assert vehicle.lost == 0
     assert "(PX4 28306)" in caplog.text
+
+
+@pytest.mark.slow
+def test_a_flight_with_limits_through_a_network(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    """The limits are measured from home_position, which a carried vehicle has, unlike PX4's own module."""
+
+    async def fly(vehicle: Vehicle) -> None:
+        executor = Hops()
+        async with Flight(vehicle, limits=Limits(height=20.0, distance=50.0)) as flight:
+            await flight.add(executor)
+            await flight.set_mode(Hop)
+            await flight.arm()
+            await executor.end.wait()
+
+    with (
+        caplog.at_level(logging.WARNING, "msggen.flight"),
+        networked(px4_types, [CALM], speed=2.0) as space,
+        Vehicle(space.url, px4_types, direct=True) as vehicle,
+    ):
+        vehicle.wait_connected(20.0)
+        wait_long_for_replies(space.simulator)
+        asyncio.run(asyncio.wait_for(fly(vehicle), 100.0))
+        assert not space.simulator.vehicles[0].refused
+        assert not space.network.refusals.counts
+        assert vehicle.lost == 0
+    assert "(PX4 28306)" not in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,8 @@ from msggen.cli import main
 from msggen.generate.cache import package_of
 from msggen.link.link import Remote
 from msggen.ros import plan as plans
-from msggen.ros.fleet import clash, clashes, sort
 from msggen.sim import Options, Simulator
+from msggen.vehicle.fleet import clash, clashes, sort
 from support.ports import free_port
 from support.ros_types import px4_msgs_of
 

@@ -18,9 +18,9 @@ from msggen.link.link import Remote, Route
 from msggen.live import Vehicle
 from msggen.ros import relay as module
 from msggen.ros.plan import Topics, Wish, planned
-from msggen.ros.refusals import Refusals
 from msggen.ros.relay import Relay
 from msggen.ros.standard import Converter, Frames
+from msggen.vehicle.refusals import Refusals
 from support.fake_link import FakeLink, routes_of
 from support.ros_types import px4_msgs_of
 

@@ -18,8 +18,8 @@ from msggen.link.link import LinkError
 from msggen.live import Vehicle
 from msggen.ros import service as module
 from msggen.ros.plan import ServiceRow
-from msggen.ros.refusals import Refusals
 from msggen.ros.service import Server
+from msggen.vehicle.refusals import Refusals
 from support.fake_link import SERVICE, FakeLink
 
 NAME = "/uav_1/fmu/vehicle_command"

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from msggen.generate.cache import package_of
 from msggen.ros import standard
-from msggen.ros.refusals import Refusals
 from msggen.ros.standard import SOURCES, TYPES, Clock, Converter, Frames, filled
+from msggen.vehicle.refusals import Refusals
 from support.repository import ROOT
 from support.ros_types import class_with
 

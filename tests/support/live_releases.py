@@ -2,8 +2,8 @@
 
 `msggen/messages/releases.json` has a line for each endpoint: its ROS name, object id, message, uORB topic and
 `message_hash`. A vehicle is compared with them when it connects. `msggen/link/rmw_zenoh/definitions.json` has a line
-for each definition of the releases that have PX4's module `zenoh` with type hashes: its RIHS01, message, version in
-each, `message_hash` and size in CDR. Vehicles tell the RIHS01 only.
+for each definition: its RIHS01, message, version in each release, `message_hash` and size in CDR. Vehicles on Zenoh
+tell the RIHS01 only: those with PX4's module `zenoh`, and all others that a process carries there.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from msggen.sources.embedded import EMBEDDED  # noqa: E402
 
 TABLE = ROOT / "msggen" / "messages" / "releases.json"
 DEFINITIONS = ROOT / "msggen" / "link" / "rmw_zenoh" / "definitions.json"
-ON_ZENOH = EMBEDDED[EMBEDDED.index("v1.17") :: -1]
-"""The releases whose module `zenoh` tells hashes, the oldest first."""
+OLDEST_FIRST = EMBEDDED[::-1]
 
 
 def table() -> str:
@@ -46,12 +45,12 @@ def _lines(release: str) -> Iterator[str]:
 def definitions() -> str:
     """Return the text of the table of definitions."""
     rows: dict[str, tuple[str, list[int | None], int, int]] = {}
-    for place, release in enumerate(ON_ZENOH):
+    for place, release in enumerate(OLDEST_FIRST):
         catalog = read(release)
         for message in filter(partial(is_static, catalog), catalog.messages.values()):
             found = type_hash(catalog, message).removeprefix("RIHS01_")
             size = lay_out(catalog, message).size
-            versions: list[int | None] = [None for _ in ON_ZENOH]
+            versions: list[int | None] = [None for _ in OLDEST_FIRST]
             row = rows.setdefault(found, (message.name, versions, message_hash(catalog, message), size))
             row[1][place] = message.message_version
     lines = (f"{json.dumps(found)}: {json.dumps(row)}" for found, row in sorted(rows.items()))

@@ -102,7 +102,7 @@ def test_what_zenoh_does_not_have_is_said_with_what_to_do(url: str, px4_types: A
     with simulated(url, px4_types) as (vehicle, _):
         with pytest.raises(TopicError, match=r"rover_speed_setpoint': it is not in the list .*zenoh/pub\.csv"):
             vehicle.publish(px4_types.RoverSpeedSetpoint())
-        with pytest.raises(TopicError, match="PX4 has no services on Zenoh: publish VehicleCommand, and wait for"):
+        with pytest.raises(TopicError, match="there are no services on Zenoh: publish VehicleCommand, and wait"):
             vehicle.call(px4_types.srv.VehicleCommand.Request())
         command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1, from_external=True)
         assert send_command(vehicle, command, 10.0).result == 0

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from contextlib import ExitStack
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_address, add_allowed, link_errors, link_of
+from msggen.cli.link import add_address, add_allowed, add_types, link_errors, link_of, router
 from msggen.cli.options import Commands, add_command, add_group, add_shared
 from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
@@ -66,8 +67,17 @@ def _add_serve(actions: Commands) -> None:
         description="Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
         "vehicles connect, which programs join, and in a terminal how many samples arrive.",
     )
+    parser.add_argument("url", metavar="URL", nargs="?", type=non_empty, help="address of the link, instead of --link")
     add_address(parser)
     add_allowed(parser)
+    parser.add_argument(
+        "--zenoh",
+        metavar="tcp/HOST:PORT",
+        type=router,
+        help="also carry the vehicles to Zenoh, for programs on other computers and ROS 2: this is the address of a "
+        "router, which this process is itself if the port is free; ?config=FILE after it names a configuration",
+    )
+    add_types(parser)
     parser.add_argument("--background", action="store_true", help="return when programs can join")
 
 
@@ -92,26 +102,54 @@ def _wanted(options: argparse.Namespace, named: str = "--link") -> tuple[Place, 
 def _serve(options: argparse.Namespace) -> int:
     from msggen.vehicle.owned.joining import start_owner
 
+    if options.url and options.link:
+        options.parser.error("argument --link: the address of the link is given already: leave out one of them")
+    options.link = options.url or options.link
     place, wanted = _wanted(options)
-    with link_errors(str(wanted.address)):
-        if options.background:
-            start_owner(place, wanted, stays=True)
-            print(f"{wanted.address} is open; its log is {place.log}")
+    types = _types_of_network(options, wanted)
+    with link_errors(options.zenoh or str(wanted.address), has_owner=not options.zenoh):
+        if not options.background:
+            _own(place, wanted, options.zenoh, types)
+            return DONE
+        if options.zenoh:
+            from msggen.cli.commands.networked import PROCESS, setup_of
+
+            start_owner(place, wanted, stays=True, module=PROCESS, further=setup_of(options.zenoh, types))
         else:
-            _own(place, wanted)
+            start_owner(place, wanted, stays=True)
+        print(f"{wanted.address} is open; its log is {place.log}")
     return DONE
 
 
-def _own(place: Place, wanted: Wanted) -> None:
+def _types_of_network(options: argparse.Namespace, wanted: Wanted) -> ModuleType | None:
+    """Return the types that the options or else the current folder name, if there is a network. Raises InputError."""
+    from msggen.cli.chosen_types import is_given, known_types
+
+    if not options.zenoh:
+        if is_given(options):
+            options.parser.error("--types and --px4 are for --zenoh: without it, messages are not looked at")
+        return None
+    if wanted.address.link_type.has_router:
+        text = "its vehicles are on Zenoh already: connect the routers with a configuration of Zenoh, connect/endpoints"
+        options.parser.error(f"argument --zenoh: {text}")
+    found = known_types(options)
+    return found.package if found is not None else None
+
+
+def _own(place: Place, wanted: Wanted, zenoh: str | None, types: ModuleType | None) -> None:
     """Own a link in this process, and print what happens."""
     from msggen.cli.commands.serving import printed_events
     from msggen.vehicle.owned.joining import alone
     from msggen.vehicle.owner.owner import LOGGER
     from msggen.vehicle.owner.process import never, serve
 
-    with printed_events(LOGGER) as events, ExitStack() as starting:
+    with printed_events(LOGGER) as events, ExitStack() as joining, ExitStack() as starting:
 
         def ready(owner: Owner) -> None:
+            if zenoh:
+                from msggen.cli.commands.networked import networked
+
+                joining.enter_context(networked(zenoh, place, types))
             starting.close()
             events.follow(owner)
 

@@ -18,7 +18,7 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import non_empty
 from msggen.cli.watching import watching
 from msggen.link.link import LinkError
-from msggen.ros.fleet import clashes, sort
+from msggen.vehicle.fleet import clashes, sort
 from msggen.vehicle.hub import OTHERS
 from msggen.vehicle.selection import is_same
 

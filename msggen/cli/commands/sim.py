@@ -15,15 +15,15 @@ from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.commands.sim_arguments import MOST_KEYS, add_arguments
-from msggen.cli.link import agent_of, link_errors
+from msggen.cli.link import agent_of, link_errors, router
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free
 from msggen.cli.packages import topics_of
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.screen import Status
-from msggen.cli.values import Deferred, local_path, non_empty
+from msggen.cli.values import local_path, non_empty
 from msggen.cli.watching import watching
 from msggen.link.address import parse_address
-from msggen.link.link_types import CLIENTS, DEFAULT, ROUTER_PORT, usages
+from msggen.link.link_types import CLIENTS, DEFAULT, usages
 from msggen.messages.names import stem_of
 from msggen.messages.zenoh_topics import ABSENT
 from msggen.sources.embedded import EMBEDDED
@@ -59,7 +59,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--zenoh",
         metavar="tcp/HOST:PORT",
-        type=_router,
+        type=router,
         help="have PX4's module zenoh instead of a client of DDS-XRCE, and this Zenoh router, instead of ADDRESS",
     )
     parser.add_argument(
@@ -70,15 +70,6 @@ def add_to(commands: Commands) -> None:
     )
     add_arguments(parser)
     add_shared(parser, "-q, --quiet")
-
-
-@Deferred
-def _router(text: str) -> str:
-    """Return the address of a link at the router with a locator of Zenoh."""
-    found = re.fullmatch("tcp/(.+)", text)
-    if not found:
-        raise argparse.ArgumentTypeError(f"expected a locator such as tcp/127.0.0.1:{ROUTER_PORT}, found {text!r}")
-    return f"zenoh://{found[1]}"
 
 
 # The run

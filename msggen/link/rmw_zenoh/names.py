@@ -8,9 +8,12 @@ from __future__ import annotations
 import re
 import struct
 from functools import lru_cache
+from hashlib import blake2b
 from typing import Final, Literal, NamedTuple, TypeAlias, cast
 
 ADMIN_SPACE: Final = "@ros2_lv"
+BEATS: Final = "@msggen/"
+"""The front of the keys of `beat_of`."""
 NO_HASH: Final = "TypeHashNotSupported"
 """The hash in keys and tokens of a firmware without CONFIG_ZENOH_KEY_TYPE_HASH, and of ROS 2 Humble."""
 GID_SIZE: Final = 16
@@ -34,6 +37,7 @@ _NODE: Final = re.compile(
 )
 _TOPIC: Final = re.compile(rf"(%(?:[A-Za-z0-9_]+%)*[A-Za-z0-9_]+)/({_TYPE})/({_HASH})/([0-9:,]+)(?:/{_PART})?")
 _FMU: Final = re.compile(r"/(?:(.+)/)?fmu/(in|out)/[^/]+")
+_CARRIER: Final = re.compile("msggen_(0|[1-9][0-9]{0,9})")
 _QOS: Final = re.compile(
     rf"([0-3]?):([0-3]?):([0-3]?),({_NUMBER}|):{':'.join([r'[0-9]*,[0-9]*'] * 2)}:[0-9]*,[0-9]*,[0-9]*"
 )
@@ -87,11 +91,16 @@ class Token(NamedTuple):
     key: Key | None = None
     """The key of the endpoint's topic, None for a node."""
     qos: Qos = Qos()
+    ids: tuple[int, int] | None = None
+    """Those of the node and the entity, None for PX4's: 0 for the node, and 11 for each endpoint. They are not read."""
+    namespace: str = ""
+    """That of the node, without slashes at both ends. It is not read."""
 
     def __str__(self) -> str:
-        """Return the token as PX4 writes it: a node and an endpoint with the ids 0 and 11, without namespace."""
-        number = 11 if self.key else 0
-        front = f"{ADMIN_SPACE}/{self.domain}/{self.zid}/0/{number}/{self.kind}/%/%/{self.node}"
+        """Return the token."""
+        node, entity = self.ids or (0, 11 if self.key else 0)
+        place = f"%{self.namespace}".replace("/", "%")
+        front = f"{ADMIN_SPACE}/{self.domain}/{self.zid}/{node}/{entity}/{self.kind}/%/{place}/{self.node}"
         if self.key is None:
             return front
         mangled, ros_type = self.key.name.replace("/", "%"), _dds_type(self.key.ros_type)
@@ -111,6 +120,31 @@ class Attachment(NamedTuple):
     def pack(self) -> bytes:
         """Return the bytes on the wire."""
         return _ATTACHMENT.pack(self.sequence, self.time, GID_SIZE, self.gid)
+
+
+def carrier_of(key: int) -> str:
+    """Return the name of the node that carries a vehicle with a key (UXRCE_DDS_KEY) over the network."""
+    return f"msggen_{key}"
+
+
+def key_of_carried(node: str) -> int | None:
+    """Return the key of the vehicle that a node carries, None for the node of another program."""
+    found = _CARRIER.fullmatch(node)
+    return int(found[1]) if found and int(found[1]) < 1 << 32 else None
+
+
+def beat_of(zid: str, domain: int, namespace: str) -> str:
+    """Return the key on which the program of a session tells all the time that it carries a vehicle.
+
+    No wildcard of other programs matches it, because of its `@`.
+    """
+    place = f"%{namespace}".replace("/", "%")
+    return f"{BEATS}{zid}/{domain}/{place}"
+
+
+def gid_of(token: str) -> bytes:
+    """Return the gid of a publisher of msggen: from its token, so that its samples can be told from those of others."""
+    return blake2b(token.encode(), digest_size=GID_SIZE).digest()
 
 
 def parse_key(text: str) -> Key | None:

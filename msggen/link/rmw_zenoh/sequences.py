@@ -22,6 +22,10 @@ class Sequences:
         self.are_two = False
         """Whether two vehicles count, so that gaps tell nothing."""
 
+    def forget(self, route: Route) -> None:
+        """Forget the number of a topic, of which samples were left out on purpose."""
+        self._last.pop(route, None)
+
     def missing(self, route: Route, number: int) -> int:
         """Take the number of a sample, and return how many samples of its topic are missing before it."""
         last = self._last.get(route)

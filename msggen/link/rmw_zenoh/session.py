@@ -13,9 +13,9 @@ import errno
 import json
 import os
 import re
-from collections.abc import Callable
-from contextlib import suppress
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any, Final, TypeAlias
 
 import zenoh
 
@@ -23,7 +23,6 @@ from msggen.link.link import LinkError
 from msggen.link.rmw_zenoh.names import reversed_id
 
 TOKENS: Final = "@ros2_lv/**"
-SAMPLES: Final = "**/fmu/out/**"
 _CONNECT_MS: Final = 3000
 """How long a router may take to answer."""
 _ELSEWHERE: Final = {errno.EADDRINUSE, errno.EADDRNOTAVAIL}
@@ -34,6 +33,66 @@ _FILES: Final = (
     "connect_private_key",
     "connect_certificate",
 )
+
+
+OnSample: TypeAlias = Callable[[str, bytes, bytes | None], None]
+_AT_ONCE: Final[Mapping[str, Any]] = {
+    "congestion_control": zenoh.CongestionControl.DROP,
+    "priority": zenoh.Priority.REAL_TIME,
+    "express": True,
+}
+"""How samples are published: none waits, and what the connection does not take is dropped."""
+
+
+class Declared:
+    """What a session has declared."""
+
+    def __init__(self, made: Any) -> None:
+        self._made = made
+
+    def withdraw(self) -> None:
+        """Withdraw it. Can be repeated, also after the end of the session."""
+        with suppress(zenoh.ZError):
+            self._made.undeclare()
+
+
+class Publisher(Declared):
+    """A publisher of a session."""
+
+    def __init__(self, made: Any, listener: Any) -> None:
+        super().__init__(made)
+        self._listener = listener
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether somebody on the network subscribes to its key."""
+        with suppress(zenoh.ZError):
+            return bool(self._made.matching_status.matching)
+        return False
+
+    def put(self, payload: bytes, attachment: bytes) -> None:
+        """Publish a sample at once, or drop it if the connection takes no more. Raises LinkError."""
+        try:
+            self._made.put(payload, attachment=attachment)
+        except zenoh.ZError as error:  # no context manager, for speed
+            raise LinkError(f"Zenoh cannot publish: {reason_of(error)}") from error
+
+
+class Question:
+    """What a program asks about a key."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+
+    def reply(self, payload: bytes, attachment: bytes) -> None:
+        """Answer it, once."""
+        with suppress(zenoh.ZError):
+            self._query.reply(self._query.key_expr, payload, attachment=attachment)
+
+    def close(self) -> None:
+        """Let the program that asks know that no further answer comes."""
+        with suppress(zenoh.ZError):
+            self._query.drop()
 
 
 class Session:
@@ -55,37 +114,66 @@ class Session:
         """Whether this is the router, or is connected to it."""
         return self.is_router or bool(self._session.info.routers_zid())
 
-    def listen(
-        self, on_token: Callable[[str, bool], None], on_sample: Callable[[str, bytes, bytes | None], None]
-    ) -> None:
-        """Call functions for each token that is there, that comes or goes, and for each sample of a vehicle."""
+    @property
+    def zid(self) -> str:
+        """The id of this session, as Zenoh prints it."""
+        return str(self._session.info.zid())
+
+    def tokens(self, on_token: Callable[[str, bool], None]) -> None:
+        """Call a function for each token that is there, that comes or goes."""
         alive = zenoh.SampleKind.PUT
 
         def token(sample: Any) -> None:
             on_token(str(sample.key_expr), sample.kind == alive)
 
+        self._declared.append(self._session.liveliness().declare_subscriber(TOKENS, token, history=True))
+
+    def declare(self, token: str) -> Declared:
+        """Declare a token. It is there until it is withdrawn. Raises LinkError."""
+        with _errors(f"declare '{token}'"):
+            return Declared(self._session.liveliness().declare_token(token))
+
+    def subscribe(self, key: str, on_sample: OnSample) -> Declared:
+        """Call a function with the key, the payload and the attachment of each sample. Raises LinkError."""
+
         def data(sample: Any) -> None:
             attachment = sample.attachment
             on_sample(str(sample.key_expr), bytes(sample.payload), bytes(attachment) if attachment else None)
 
-        self._declared += [
-            self._session.liveliness().declare_subscriber(TOKENS, token, history=True),
-            self._session.declare_subscriber(SAMPLES, data),
-        ]
+        with _errors(f"subscribe to '{key}'"):
+            return Declared(self._session.declare_subscriber(key, data))
+
+    def publisher(self, key: str, on_matching: Callable[[bool], None]) -> Publisher:
+        """Return a publisher. It tells when the first subscriber on the network comes, and the last one goes.
+
+        Raises LinkError.
+        """
+        with _errors(f"publish '{key}'"):
+            made = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+            listener = made.declare_matching_listener(lambda status: on_matching(status.matching))
+        return Publisher(made, listener)
 
     def put(self, key: str, payload: bytes, attachment: bytes) -> None:
         """Publish a sample at once, or drop it if the connection takes no more. Raises LinkError."""
-        try:
-            self._session.put(
-                key,
-                payload,
-                attachment=attachment,
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.REAL_TIME,
-                express=True,
-            )
-        except zenoh.ZError as error:
-            raise LinkError(f"Zenoh cannot publish '{key}': {reason_of(error)}") from error
+        with _errors(f"publish '{key}'"):
+            self._session.put(key, payload, attachment=attachment, **_AT_ONCE)
+
+    def answer(self, key: str, answer: Callable[[Question], None]) -> Declared:
+        """Call a function for each question about a key. Raises LinkError."""
+
+        def ask(query: Any) -> None:
+            answer(Question(query))
+
+        with _errors(f"answer about '{key}'"):
+            return Declared(self._session.declare_queryable(key, ask))
+
+    def ask(self, key: str, seconds: float) -> tuple[bytes, bytes] | None:
+        """Return payload and attachment of the answer to a question about a key. None if there is none in time."""
+        with suppress(zenoh.ZError):
+            for reply in self._session.get(key, timeout=seconds):
+                if reply.ok is not None and reply.ok.attachment is not None:
+                    return bytes(reply.ok.payload), bytes(reply.ok.attachment)
+        return None
 
     def close(self) -> None:
         """End the session."""
@@ -131,6 +219,15 @@ def reason_of(error: Exception) -> str:
     found = re.search(r'msg: "([^"]*)"', text)  # of JSON5, with the place as an object of Rust behind it
     text = found[1] if found else text
     return text[:1].lower() + text[1:]
+
+
+@contextmanager
+def _errors(what: str) -> Iterator[None]:
+    """Raise LinkError for an error of Zenoh."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LinkError(f"Zenoh cannot {what}: {reason_of(error)}") from error
 
 
 def _read(path: str) -> Any:

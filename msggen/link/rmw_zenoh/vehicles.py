@@ -2,22 +2,26 @@
 
 Tokens tell what a vehicle has. A firmware without tokens (CONFIG_ZENOH_RMW_LIVELINESS=n) has what it publishes. PX4
 has one gid for all its topics, which is also in the name of its node: it is the vehicle's identity, with its domain and
-its namespace. A node of another program that publishes topics of PX4, such as a process that carries a vehicle over the
-network, is a vehicle too, of the name of its node.
+its namespace. A node of another program that publishes topics of PX4 is a vehicle too, of the name of its node: a
+process of msggen that carries a vehicle over the network (`names.carrier_of`), or a node of ROS 2. Only PX4 has
+surplus bytes behind its samples and names without versions.
+
+A carried vehicle is told to be there by a beat. So of its topics only those that are followed have to cross the
+network: `wanted` has the keys to subscribe to.
 """
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
-from msggen.link.age import LONGEST_NS
+from msggen.link.age import LONGEST_NS, OtherClock
 from msggen.link.link import (
     Connected,
     Disconnected,
     Event,
+    Identified,
     LinkError,
     Lost,
     Opened,
@@ -27,9 +31,31 @@ from msggen.link.link import (
     StaleError,
     Warned,
 )
-from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of, release_of
-from msggen.link.rmw_zenoh.names import NO_HASH, Key, Token, parse_attachment, parse_key, parse_token, place_in
+from msggen.link.rmw_zenoh.definitions import definition_of, release_of
+from msggen.link.rmw_zenoh.names import (
+    NO_HASH,
+    Key,
+    Token,
+    gid_of,
+    key_of_carried,
+    parse_attachment,
+    parse_key,
+    parse_token,
+    place_in,
+)
 from msggen.link.rmw_zenoh.sequences import Sequences
+from msggen.link.rmw_zenoh.vehicle import (
+    OLD,
+    PX4,
+    Flow,
+    Identity,
+    Open,
+    Vehicle,
+    is_out,
+    message_of,
+    old_form,
+    route_of,
+)
 
 SILENCE_NS: Final = 5_000_000_000
 """How long nothing may arrive from a vehicle. The lease of its session, after which its tokens go, is 60 s."""
@@ -37,78 +63,34 @@ STILL_NS: Final = LONGEST_NS
 """How long nothing may arrive before nothing is sent: it would wait in the connection, and arrive when it is back."""
 GRACE_NS: Final = 1_000_000_000
 """How long the tokens of a vehicle may come after its first sample."""
+QUIET_NS: Final = 100_000_000
+"""The time without a further token of a vehicle after which all that it has is known: they come one by one."""
+EVERYTHING: Final = "**/fmu/out/**"
+"""What is subscribed to while no vehicle has tokens: a firmware without them is known by its samples."""
 MAX_VEHICLES: Final = 100
 MAX_ENDPOINTS: Final = 1000
 """The endpoints of a vehicle."""
 MAX_KEYS: Final = 10_000
 """The keys of samples that are known by heart."""
 _HEADER: Final = 4
-_OLD: Final = re.compile(r"(?:rt/)?(?:[A-Za-z0-9_]+/)*fmu/out/[A-Za-z0-9_]+")
-_PX4: Final = re.compile("px4_([0-9a-f]{32})")
 
 NO_TOKENS: Final = "PX4 tells no topics here (CONFIG_ZENOH_RMW_LIVELINESS=n)"
 
 
-class Identity(NamedTuple):
-    """What stays the same when a vehicle connects again."""
-
-    domain: int
-    namespace: str
-    node: str
-    """The name of the node: `px4_` and the guid."""
-
-
-class _Open(NamedTuple):
-    """A route of a connected vehicle."""
-
-    route: Route
-    key: Key
-    text: str
-    """That of the key."""
-
-
-class _Vehicle:
-    """A vehicle that has tokens, or has published."""
-
-    def __init__(self, identity: Identity, now: int) -> None:
-        self.identity = identity
-        self.sessions: dict[str, dict[str, Key]] = {}
-        """The keys of the endpoints by their tokens, by the ids of the sessions. A vehicle that has lost its power
-        leaves tokens behind for a minute."""
-        self.remote: Remote | None = None
-        self.routes: dict[str, _Open] = {}
-        """By name: a stranger can tell a second one with another hash, which is not opened."""
-        self.by_key: dict[str, Route] = {}
-        """The same by the texts of keys, for samples."""
-        self.release = NEWEST
-        self.since = self.heard = now
-        self.sequences = Sequences()
-
-    @property
-    def publishes(self) -> bool:
-        """Whether it has told that it publishes a topic of PX4."""
-        return any(_is_out(key) for keys in self.sessions.values() for key in keys.values())
-
-
-class _Flow(NamedTuple):
-    """Where the samples of a key with a gid belong."""
-
-    vehicle: _Vehicle
-    key: Key
-    end: int
-    """The bytes of a sample with its header, what is behind them is left out; 0 if that is not known."""
-
-
 class Vehicles:
-    """All vehicles of a key space. Times are in ns: `now` of any clock, `time` that of the arrival of a sample."""
+    """All vehicles of a key space. Times are in ns: `now` of any clock, `arrived` that of the arrival of a sample."""
 
     def __init__(self, told: Callable[[Event], object], is_own: Callable[[str], bool] = lambda _: False) -> None:
         """Make it. `told` takes what happens. `is_own` tells whether a session is that of this program."""
         self._told, self._is_own = told, is_own
-        self._vehicles: dict[Identity, _Vehicle] = {}
-        self._by_remote: dict[int, _Vehicle] = {}
-        self._flows: dict[tuple[str, bytes], _Flow] = {}
+        self._vehicles: dict[Identity, Vehicle] = {}
+        self._by_remote: dict[int, Vehicle] = {}
+        self._flows: dict[tuple[str, bytes], Flow] = {}
         self._count = 0
+        self.wanted: frozenset[str] = frozenset({EVERYTHING})
+        """The keys to subscribe to."""
+        self._beats: dict[str, Vehicle] = {}
+        """The vehicles that are carried, by the keys of their beats."""
         self._has_told: set[str] = set()
         self.refused: Counter[str] = Counter()
         """Tokens and samples that were refused, by reason."""
@@ -133,7 +115,7 @@ class Vehicles:
         elif (vehicle := self._vehicles.get(identity)) is not None:
             self._remove(vehicle, text, token.zid, now)
 
-    def sample(self, key: str, payload: bytes, attachment: bytes | None, time: int, now: int) -> None:
+    def sample(self, key: str, payload: bytes, attachment: bytes | None, arrived: int, now: int) -> None:
         """Take a sample."""
         gid = attachment[17:] if attachment is not None else b""
         flow = self._flows.get((key, gid))
@@ -158,17 +140,46 @@ class Vehicles:
         told = parse_attachment(attachment)
         if told is not None:
             self._count_lost(vehicle, remote, route, told.sequence)
-        self._told(Sample(remote, route, payload[:end] if end else payload, time))
+        self._told(Sample(remote, route, payload[:end] if end else payload, arrived))
+
+    def beat(self, key: str, attachment: bytes | None, now: int) -> None:
+        """Take what a process tells all the time that carries a vehicle."""
+        told = parse_attachment(attachment)
+        vehicle = self._beats.get(key)
+        if told is None or vehicle is None:
+            self.refused["beats that are not of the form"] += 1
+            return
+        vehicle.heard = now
+        vehicle.clock = vehicle.clock or OtherClock()
+        vehicle.clock.hear(told.time, "")
+        if vehicle.remote is None:
+            self._connect(vehicle, now)
 
     def tick(self, now: int) -> None:
-        """Disconnect the vehicles that have been silent for too long."""
+        """Disconnect the vehicles that have been silent for too long, and tell of which ones all topics are known."""
         for vehicle in tuple(self._vehicles.values()):
+            if vehicle.remote is not None and vehicle.sessions and not vehicle.is_complete:
+                is_heard = vehicle.clock is not None or not vehicle.is_carried
+                vehicle.is_complete = is_heard and now - vehicle.told > QUIET_NS
+                if vehicle.is_complete:
+                    self._told(Identified(vehicle.remote, {}, is_complete=True))
             if now - vehicle.heard < SILENCE_NS:
                 continue
             if vehicle.remote is not None:
                 self._disconnect(vehicle, f"nothing has arrived from it for {SILENCE_NS / 1e9:g} s")
             if not vehicle.sessions:
                 self._forget(vehicle)
+
+    def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
+        """Begin or end to take the samples of a topic."""
+        vehicle = self.carried(remote)
+        known = vehicle.routes.get(route.name) if vehicle is not None else None
+        if vehicle is None or known is None or route.direction != "out":
+            return
+        if is_followed:
+            vehicle.sequences.forget(known.route)
+        vehicle.followed = vehicle.followed | {known.text} if is_followed else vehicle.followed - {known.text}
+        self._choose()
 
     def close(self, reason: str) -> None:
         """Disconnect all vehicles."""
@@ -201,19 +212,32 @@ class Vehicles:
                 f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: give each a "
                 "namespace, PX4_UXRCE_DDS_NS when its firmware is built"
             )
-        if now - vehicle.heard > STILL_NS:
+        if now - vehicle.heard > STILL_NS or (vehicle.is_carried and vehicle.clock is None):
             raise StaleError(f"nothing has arrived from the vehicle for more than {STILL_NS / 1e9:g} s: dropped")
         return known.text
 
+    def carried(self, remote: Remote) -> Vehicle | None:
+        """Return a vehicle that a process of msggen carries over the network, None for another one."""
+        vehicle = self._by_remote.get(remote.number)
+        return vehicle if vehicle is not None and vehicle.is_carried else None
+
     # Vehicles
 
-    def _vehicle_of(self, identity: Identity, now: int) -> _Vehicle | None:
+    def _choose(self) -> None:
+        """Choose what to subscribe to: a vehicle without tokens is looked for only where none has any."""
+        there = [each for each in self._vehicles.values() if each.sessions]
+        self._beats = {key: each for each in there for key in each.beats}
+        keys = self._beats.keys() | {key for each in there for key in each.followed}
+        spaces = {each.identity.space for each in there if not each.is_carried}
+        self.wanted = frozenset(keys | spaces) if there else frozenset({EVERYTHING})
+
+    def _vehicle_of(self, identity: Identity, now: int) -> Vehicle | None:
         vehicle = self._vehicles.get(identity)
         if vehicle is None:
             if len(self._vehicles) >= MAX_VEHICLES:
                 self.refused[f"vehicles above {MAX_VEHICLES}"] += 1
                 return None
-            vehicle = self._vehicles[identity] = _Vehicle(identity, now)
+            vehicle = self._vehicles[identity] = Vehicle(identity, now)
         return vehicle
 
     def _add(self, identity: Identity, text: str, token: Token, key: Key, now: int) -> None:
@@ -225,11 +249,16 @@ class Vehicles:
             return
         is_new = token.zid not in vehicle.sessions
         vehicle.sessions.setdefault(token.zid, {})[text] = key
+        vehicle.told = now
+        if vehicle.is_carried:
+            vehicle.gids.add(gid_of(text))
+        if is_new:
+            self._choose()
         if is_new and vehicle.remote is not None and len(vehicle.sessions) > 1:
             self._disconnect(vehicle, "it has begun another session")
         if vehicle.remote is not None:
             self._open(vehicle, key)
-        elif vehicle.publishes and (is_new or _is_out(key)):
+        elif vehicle.publishes and (is_new or is_out(key)):
             vehicle.heard = now
             self._connect(vehicle, now)
         if key.type_hash == NO_HASH:
@@ -238,12 +267,14 @@ class Vehicles:
                 "of a message the vehicle has: build its firmware with CONFIG_ZENOH_KEY_TYPE_HASH=y"
             )
 
-    def _remove(self, vehicle: _Vehicle, text: str, zid: str, now: int) -> None:
+    def _remove(self, vehicle: Vehicle, text: str, zid: str, now: int) -> None:
         keys = vehicle.sessions.get(zid)
         if keys is None or keys.pop(text, None) is None:
             return
+        vehicle.gids.discard(gid_of(text))
         if not keys:
             del vehicle.sessions[zid]
+            self._choose()
         if not vehicle.publishes:
             self._disconnect(vehicle, "its tokens are gone: PX4, or its module zenoh, has ended")
             if not vehicle.sessions:
@@ -254,47 +285,49 @@ class Vehicles:
                 self._disconnect(vehicle, "it has begun another session")
                 self._connect(vehicle, now)
 
-    def _connect(self, vehicle: _Vehicle, now: int) -> None:
+    def _connect(self, vehicle: Vehicle, now: int) -> None:
         self._count += 1
         identity = vehicle.identity
-        found = _PX4.fullmatch(identity.node)
+        found = PX4.fullmatch(identity.node)
         guid = found[1] if found else ""
-        address = guid or identity.node
-        remote = vehicle.remote = Remote(self._count, address, 0, identity.namespace, continued=False, guid=guid)
+        address, key = guid or identity.node, key_of_carried(identity.node) or 0
+        remote = vehicle.remote = Remote(self._count, address, key, identity.namespace, continued=False, guid=guid)
         self._by_remote[remote.number] = vehicle
         vehicle.since, vehicle.sequences = now, Sequences()
+        vehicle.told, vehicle.is_complete, vehicle.clock = now, False, None
         self._told(Connected(remote))
         newest = next(reversed(vehicle.sessions.values()), {})
-        vehicle.release = release_of((key.type_hash, _message(key)) for key in newest.values())
-        for key in newest.values():
-            self._open(vehicle, key)
+        vehicle.release = release_of((key.type_hash, message_of(key)) for key in newest.values())
+        for each in newest.values():
+            self._open(vehicle, each)
 
-    def _open(self, vehicle: _Vehicle, key: Key) -> Route | None:
+    def _open(self, vehicle: Vehicle, key: Key) -> Route | None:
         """Open a route, and return it. None if there is one of its name already, or too many."""
-        route, routes = _route_of(key, vehicle.release), vehicle.routes
+        route, routes = route_of(key, vehicle), vehicle.routes
         if vehicle.remote is None or route.name in routes or len(routes) >= MAX_ENDPOINTS:
             return None
         text = str(key)
-        vehicle.routes = {**routes, route.name: _Open(route, key, text)}  # other threads read it
+        vehicle.routes = {**routes, route.name: Open(route, key, text)}  # other threads read it
         vehicle.by_key[text] = route
         self._told(Opened(vehicle.remote, route))
         return route
 
-    def _disconnect(self, vehicle: _Vehicle, reason: str) -> None:
+    def _disconnect(self, vehicle: Vehicle, reason: str) -> None:
         remote, vehicle.remote = vehicle.remote, None
         if remote is None:
             return
         del self._by_remote[remote.number]
-        vehicle.routes, vehicle.by_key = {}, {}
+        vehicle.routes, vehicle.by_key, vehicle.followed = {}, {}, frozenset()
+        self._choose()
         self._told(Disconnected(remote, reason))
 
-    def _forget(self, vehicle: _Vehicle) -> None:
+    def _forget(self, vehicle: Vehicle) -> None:
         self._vehicles.pop(vehicle.identity, None)
         self._flows = {key: flow for key, flow in self._flows.items() if flow.vehicle is not vehicle}
 
     # Samples
 
-    def _flow_of(self, text: str, attachment: bytes | None, now: int) -> _Flow | None:
+    def _flow_of(self, text: str, attachment: bytes | None, now: int) -> Flow | None:
         """Return where the samples of a key belong, or None, and count or tell why they do not."""
         key = parse_key(text)
         if key is None:
@@ -311,8 +344,11 @@ class Vehicles:
         if vehicle is None:
             inside = [each for each in self._vehicles.values() if each.identity[:2] == (key.domain, place[0])]
             told_of = [each for each in inside if each.publishes]
-            carried = [each for each in told_of if _PX4.fullmatch(each.identity.node) is None]
-            if len(carried) == 1:
+            others = [each for each in told_of if PX4.fullmatch(each.identity.node) is None]
+            carried = [each for each in others if told.gid in each.gids]
+            if len(others) == 1 and (carried or not others[0].is_carried):
+                vehicle = others[0]
+            elif carried:
                 vehicle = carried[0]
             elif told_of:
                 self.refused["samples of a gid that no vehicle has"] += 1
@@ -321,10 +357,11 @@ class Vehicles:
                 vehicle = self._vehicle_of(Identity(key.domain, place[0], node), now)
         if vehicle is None or not self._is_known(vehicle, now):
             return None
-        found = definition_of(key.type_hash, _message(key))
-        return _Flow(vehicle, key, _HEADER + found.size if found else 0)
+        found = definition_of(key.type_hash, message_of(key))
+        has_surplus = found is not None and not vehicle.is_carried
+        return Flow(vehicle, key, _HEADER + found.size if found and has_surplus else 0)
 
-    def _is_known(self, vehicle: _Vehicle, now: int) -> bool:
+    def _is_known(self, vehicle: Vehicle, now: int) -> bool:
         """Whether a vehicle has tokens, or has had time enough to tell some."""
         if vehicle.sessions:
             return True
@@ -338,13 +375,13 @@ class Vehicles:
         return True
 
     def _refuse_key(self, text: str) -> None:
-        if _OLD.fullmatch(text):
+        if OLD.fullmatch(text):
             self.refused["samples of PX4 before v1.17"] += 1
             self._warn(old_form(text), "old")
         else:
             self.refused["samples whose key is not of the form"] += 1
 
-    def _count_lost(self, vehicle: _Vehicle, remote: Remote, route: Route, number: int) -> None:
+    def _count_lost(self, vehicle: Vehicle, remote: Remote, route: Route, number: int) -> None:
         were_two = vehicle.sequences.are_two
         missing = vehicle.sequences.missing(route, number)
         if missing:
@@ -361,34 +398,3 @@ class Vehicles:
         if (about or text) not in self._has_told:
             self._has_told.add(about or text)
             self._told(Warned(text))
-
-
-def _is_out(key: Key) -> bool:
-    place = place_in(key.name)
-    return place is not None and place[1] == "out"
-
-
-def _message(key: Key) -> str:
-    return key.ros_type.rpartition("/")[2]
-
-
-def _route_of(key: Key, release: int) -> Route:
-    """Return the route of a key: with the version in its name, if the hash tells it."""
-    found = definition_of(key.type_hash, _message(key))
-    name = found.named(key.name, release) if found else key.name
-    return Route(
-        name,
-        key.ros_type,
-        "out" if _is_out(key) else "in",
-        -1,
-        key.type_hash,
-        found.message_hash if found else 0,
-    )
-
-
-def old_form(key: str) -> str:
-    """Return the warning of a vehicle whose release cannot be read."""
-    return (
-        f"'{key}' is published in the form of PX4 v1.16, whose samples are not CDR: fields of 8 bytes lie at multiples "
-        "of 4: update the firmware to v1.17, or use its uxrce_dds_client, --link udp://"
-    )

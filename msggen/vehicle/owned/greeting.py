@@ -58,7 +58,7 @@ def _connect(own: socket.socket, path: str) -> None:
     )
 
 
-def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = ()) -> socket.socket:
+def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = (), name: str = "") -> socket.socket:
     """Return a socket once its owner has welcomed this program, which wants a link of this address and these settings.
 
     Raises LeavingError, and LinkError with what to do.
@@ -67,7 +67,7 @@ def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = ()) -
         "protocol": PROTOCOL,
         "version": __version__,
         "pid": os.getpid(),
-        "name": _own_name(),
+        "name": name or _own_name(),
         "address": address,
         "place": found_at(parse_address(address)) if address else "",
         "allow": list(allow),
@@ -76,19 +76,19 @@ def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = ()) -
     try:
         own.settimeout(_HELLO_S)
         own.sendall(event_of("hello", hello))
-        name, values = _first_event(own)
-        values = checked_event(name, values)
+        event, values = _first_event(own)
+        values = checked_event(event, values)
     except (TimeoutError, RecordError, UnexpectedError) as error:
         own.close()
         raise LinkError(f"the process that owns the link does not answer: {error}") from None
     except OSError as error:  # it was killed, or ends
         own.close()
         raise LeavingError(f"the process that owns the link has ended: {error}") from None
-    if name != "welcome":
+    if event != "welcome":
         own.close()
-        if name == "leaving":
+        if event == "leaving":
             raise LeavingError("the process that owns the link ends, because it is of another version of msggen")
-        if name == "refused":
+        if event == "refused":
             raise LinkError(values[0])
         raise LinkError("the process that owns the link does not answer: it has not greeted this program")
     own.settimeout(None)

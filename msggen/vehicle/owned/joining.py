@@ -8,8 +8,9 @@ import select
 import socket
 import subprocess
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from types import MappingProxyType
 from typing import NamedTuple
 
 from msggen.base.interpreter import command_of
@@ -23,6 +24,7 @@ START_S = 60.0
 """The longest wait in s for an owner to start."""
 
 _OWNER = "msggen.vehicle.owner.process"
+_NOTHING: Mapping[str, object] = MappingProxyType({})
 _ATTEMPTS = 20
 """How often a program looks for an owner again that has just ended, or that makes room for another one."""
 _LINES = 5
@@ -91,12 +93,15 @@ def alone(place: Place) -> Iterator[None]:
         yield
 
 
-def start_owner(place: Place, wanted: Wanted, *, stays: bool = False) -> None:
+def start_owner(
+    place: Place, wanted: Wanted, *, stays: bool = False, module: str = _OWNER, further: Mapping[str, object] = _NOTHING
+) -> None:
     """Start a process that owns a link, and wait until programs can join it. Raises LinkError with its reason.
 
-    With `stays`, it does not end by itself when nobody uses it.
+    With `stays`, it does not end by itself when nobody uses it. `module` is another one to run, and `further` what its
+    setup has for it.
     """
-    command = command_of(_OWNER)
+    command = command_of(module)
     if not command[0]:
         raise LinkError("the program of Python is not known: own the link, MSGGEN_DIRECT=1")
     setup = {
@@ -104,6 +109,7 @@ def start_owner(place: Place, wanted: Wanted, *, stays: bool = False) -> None:
         "allow": list(wanted.allow),
         "place": list(place),
         "stays": stays,
+        **further,
     }
     try:
         process = subprocess.Popen(  # noqa: S603 - our own program

@@ -53,8 +53,9 @@ class UnixLink(Link):
 
     is_shared = True
 
-    def __init__(self, path: str) -> None:
-        self.path = path
+    def __init__(self, path: str, name: str = "") -> None:
+        """Make a link. `name` is that of the program for people, by default that of its file or its command."""
+        self.path, self._name = path, name
         self._offset = 0
         """The number of the last vehicle of the owners before this one."""
         self._statistics = NOTHING
@@ -79,7 +80,7 @@ class UnixLink(Link):
         except OSError as error:
             text = f"no process owns the link at '{self.path}' ({error.strerror})"
             raise LinkError(f"{text}: start `msggen link serve`, or `ssh -L`") from error
-        return greeted(own, "")
+        return greeted(own, "", name=self._name)
 
     def reopened(self, reason: str) -> socket.socket:
         """Return another one, after the owner has ended. Raises LinkError if there is none."""

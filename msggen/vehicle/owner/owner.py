@@ -9,11 +9,13 @@ from __future__ import annotations
 import threading
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from logging import getLogger
 from typing import NamedTuple
 
 from msggen.link.address import Address
 from msggen.link.age import is_over
+from msggen.link.aside import Aside
 from msggen.link.link import Link, LinkError, Remote, Route, Service, StaleError
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
@@ -29,6 +31,8 @@ _MANY = 4000
 _WINDOW_NS = 100_000_000
 _WARNINGS = 100
 """The most different warnings for a program, and of the link."""
+_ASKED = 100
+"""The most questions for last samples that wait for their answers."""
 _LATELY = 15.0
 """The time in s after a warning in which a program that joins is told, too, while no vehicle is connected."""
 
@@ -99,6 +103,11 @@ class Owner:
         self._count = self._since = 0
         self.unsent = 0
         """The messages of programs to vehicles that were gone."""
+
+    @cached_property
+    def aside(self) -> Aside:
+        """A thread that asks the link for last samples that do not cross to this process."""
+        return Aside("msggen-last", _ASKED, lambda _: None)
 
     # --- What happens on the link, in its thread
 
@@ -172,7 +181,8 @@ class Owner:
         """Do nothing: this process owns the link, and `call` raises the error."""
 
     def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
-        """Do nothing: this process asks for definitions."""
+        """Take what the link knows of the definitions, so that this process need not ask for them."""
+        self.entries.identified(remote, hashes, is_complete=is_complete)
 
     def lost(self, remote: Remote, missing: int) -> None:
         """Tell the programs of samples that did not arrive."""
@@ -219,6 +229,16 @@ class Owner:
             self._tell(*values)
         else:
             program.put(event_of(*values))
+
+    def follow(self, vehicle: Carried, name: str, program: Program, *, is_followed: bool) -> None:
+        """Begin or end to give a program the samples of a route. The caller holds the lock."""
+        row = vehicle.rows[name]
+        before = row.programs
+        others = tuple(each for each in before if each is not program)
+        row.programs = (*others, program) if is_followed else others
+        if bool(row.programs) != bool(before):
+            route = vehicle.known.routes[row.index]
+            self.link.follow(vehicle.known.remote, route, is_followed=bool(row.programs))
 
     def _tell(self, name: str, *values: object) -> None:
         """Tell all programs that have joined. The caller holds the lock."""
@@ -288,8 +308,8 @@ class Owner:
         program.close()
         for vehicle in self.vehicles.values():
             vehicle.calls.cancel(program)
-            for row in vehicle.rows.values():
-                row.programs = tuple(each for each in row.programs if each is not program)
+            for name, row in vehicle.rows.items():
+                self.follow(vehicle, name, program, is_followed=False)
                 row.publishers.pop(program, None)
         if program.has_joined:
             LOGGER.info("%s (pid %d) has left", program.name, program.pid)

@@ -8,9 +8,10 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from logging.handlers import RotatingFileHandler
+from typing import Any, TypeAlias
 
 from msggen.base.foreign import escaped
 from msggen.link.address import Address, parse_address
@@ -33,10 +34,19 @@ _PATIENCE = 1.0
 """The longest wait in s for the log at the end."""
 
 
-def main() -> None:
+Setup: TypeAlias = Mapping[str, Any]
+"""What a process is told of the link that it is to own."""
+
+
+def _alone(setup: Setup, place: Place) -> AbstractContextManager[None]:  # noqa: ARG001 - as `main` calls it
+    return nullcontext()
+
+
+def main(join: Callable[[Setup, Place], AbstractContextManager[None]] = _alone) -> None:
     """Run an owner, apart from the program that starts it. Its setup is JSON on the standard input.
 
-    Writes why it failed to the standard output, "" if programs can join it, with the number of the system's error, and
+    `join` opens what uses the link in this process, before other programs can join, and closes it at the end. Writes
+    why it failed to the standard output, "" if programs can join it, with the number of the system's error, and
     closes it.
     """
     setup = json.loads(sys.stdin.buffer.read())
@@ -55,9 +65,14 @@ def main() -> None:
             output.write(json.dumps([problem, number]) + "\n")
             output.close()
 
+    def ready(_owner: Owner) -> None:
+        joining.enter_context(join(setup, place))
+        tell()
+
     try:
         address = parse_address(setup["address"])
-        serve(place, address, setup["allow"], idle=never if setup["stays"] else idle, ready=lambda _: tell())
+        with ExitStack() as joining:
+            serve(place, address, setup["allow"], idle=never if setup["stays"] else idle, ready=ready)
     except LinkError as error:
         LOGGER.error("%s", error)
         cause = error.__cause__

@@ -10,7 +10,7 @@ from typing import Any
 from msggen.base.foreign import escaped
 from msggen.base.version import __version__
 from msggen.link.address import Address, parse_address
-from msggen.link.link import Publisher
+from msggen.link.link import Kept, Publisher
 from msggen.vehicle.owned.records import (
     CALL,
     EVENT,
@@ -75,10 +75,22 @@ def _call(_owner: Owner, program: Program, vehicle: Carried, index: int, when: i
 
 
 def _last(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, _body: bytes) -> None:
-    number = vehicle.known.remote.number
-    entry = owner.entries.get(number)
-    payload, time = (entry.last if entry is not None else {}).get(vehicle.known.routes[index].name, (b"", 0))
-    owner.send(program, record_of(LAST, payload, number, index, time))
+    remote, route = vehicle.known.remote, vehicle.known.routes[index]
+    entry = owner.entries.get(remote.number)
+
+    def tell(last: Kept | None) -> None:
+        payload, time = last or (b"", 0)
+        owner.send(program, record_of(LAST, payload, remote.number, index, time))
+
+    def ask() -> None:
+        found = owner.link.last(remote, route)
+        with owner.lock:
+            tell(found and (found.payload, found.time))
+
+    if owner.link.has_last(remote):
+        owner.aside.do(ask)
+    else:
+        tell(entry.last.get(route.name) if entry is not None else None)
 
 
 _ON_VEHICLE: Mapping[int, Callable[..., None]] = {SAMPLE: _publish, CALL: _call, LAST: _last}
@@ -163,9 +175,7 @@ def _covers(owner: Owner, asked: Address, found: str) -> bool:
 def _follow(owner: Owner, program: Program, number: int, index: int, is_followed: object) -> None:
     vehicle = owner.vehicles.get(number)
     if vehicle is not None and program.has_joined:
-        row = vehicle.rows[vehicle.known.routes[index].name]
-        others = tuple(each for each in row.programs if each is not program)
-        row.programs = (*others, program) if is_followed else others
+        owner.follow(vehicle, vehicle.known.routes[index].name, program, is_followed=bool(is_followed))
 
 
 def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:

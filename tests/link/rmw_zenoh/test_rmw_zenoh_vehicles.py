@@ -282,9 +282,9 @@ def test_other_programs_are_no_vehicles(space: Space) -> None:
 
 def test_a_program_that_carries_a_vehicle_is_a_vehicle(space: Space) -> None:
     """Its topics have gids of their own, as with rmw_zenoh."""
-    space.vehicles.token(str(Token(0, ZID, "MP", "msggen_1", STATUS)), space.now, is_alive=True)
+    space.vehicles.token(str(Token(0, ZID, "MP", "bridge", STATUS)), space.now, is_alive=True)
     space.sample(guid=OTHER)
-    assert (space.remote.address, space.remote.guid) == ("msggen_1", "")
+    assert (space.remote.address, space.remote.guid) == ("bridge", "")
     assert len(space.all(Sample)) == 1
 
 

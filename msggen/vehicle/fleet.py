@@ -1,4 +1,4 @@
-"""Which of the vehicles on a link a relay carries: each namespace once, because ROS tells vehicles apart by it."""
+"""Which vehicles on a link are carried to ROS or Zenoh: each namespace once, by which they are told apart there."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Final, NamedTuple
 from msggen.link.link import Remote
 from msggen.vehicle.selection import is_same, order, shown
 
-_CURE: Final = (
-    "give each one its own, `uxrce_dds_client start -n uav_1` or UXRCE_DDS_NS_IDX, or select one with --key {}"
-)
+NAMESPACES: Final = "give each one its own, `uxrce_dds_client start -n uav_1` or UXRCE_DDS_NS_IDX"
+_CURE: Final = f"{NAMESPACES}, or select one with --key {{}}"
 
 
 class Sorted(NamedTuple):
@@ -22,8 +21,11 @@ class Sorted(NamedTuple):
     """Those whose topics would have the names of another vehicle's, each with the reason."""
 
 
-def sort(carried: Iterable[Remote], present: Iterable[Remote]) -> Sorted:
-    """Sort the vehicles on a link. One that is carried and has connected again is not new."""
+def sort(carried: Iterable[Remote], present: Iterable[Remote], cure: str = _CURE) -> Sorted:
+    """Sort the vehicles on a link. One that is carried and has connected again is not new.
+
+    `cure` tells what to do if two have one namespace, with the key of the second in braces.
+    """
     kept, new, refused = [*carried], list[Remote](), list[tuple[Remote, str]]()
     for remote in sorted(present, key=order):
         if any(is_same(each, remote) for each in kept):
@@ -33,14 +35,14 @@ def sort(carried: Iterable[Remote], present: Iterable[Remote]) -> Sorted:
             kept.append(remote)
             new.append(remote)
         else:
-            refused.append((remote, clash(twin, remote)))
+            refused.append((remote, clash(twin, remote, cure)))
     return Sorted(tuple(new), tuple(refused))
 
 
-def clash(first: Remote, second: Remote) -> str:
-    """Return why a relay cannot carry two vehicles, and what to do."""
+def clash(first: Remote, second: Remote, cure: str = _CURE) -> str:
+    """Return why two vehicles cannot both be carried, and what to do."""
     name = f"the namespace '{first.namespace}'" if first.namespace else "no namespace"
-    return f"{shown(first)} and {shown(second)} both have {name}: {_CURE.format(second.key)}"
+    return f"{shown(first)} and {shown(second)} both have {name}: {cure.format(second.key)}"
 
 
 def clashes(present: Sequence[Remote]) -> list[str]:

@@ -1,0 +1,125 @@
+"""A vehicle in a key space: what its tokens and its samples have told of it."""
+
+from __future__ import annotations
+
+import re
+from typing import Final, NamedTuple
+
+from msggen.link.age import OtherClock
+from msggen.link.link import Remote, Route
+from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of
+from msggen.link.rmw_zenoh.names import Key, beat_of, key_of_carried, place_in
+from msggen.link.rmw_zenoh.sequences import Sequences
+
+PX4: Final = re.compile("px4_([0-9a-f]{32})")
+"""The names of the nodes of PX4's module `zenoh`, with the guid."""
+OLD: Final = re.compile(r"(?:rt/)?(?:[A-Za-z0-9_]+/)*fmu/out/[A-Za-z0-9_]+")
+"""The keys of PX4 v1.16 and before."""
+_SESSIONS: Final = 4
+"""The newest sessions of a vehicle whose beats are heard."""
+
+
+def is_out(key: Key) -> bool:
+    """Whether PX4 publishes the topic of a key."""
+    place = place_in(key.name)
+    return place is not None and place[1] == "out"
+
+
+class Identity(NamedTuple):
+    """What stays the same when a vehicle connects again."""
+
+    domain: int
+    namespace: str
+    node: str
+    """The name of the node: `px4_` and the guid."""
+
+    @property
+    def space(self) -> str:
+        """The keys of all topics that it publishes."""
+        return f"{self.domain}/{self.namespace}/fmu/out/**" if self.namespace else f"{self.domain}/fmu/out/**"
+
+
+class Open(NamedTuple):
+    """A route of a connected vehicle."""
+
+    route: Route
+    key: Key
+    text: str
+    """That of the key."""
+
+
+class Vehicle:
+    """A vehicle that has tokens, or has published."""
+
+    def __init__(self, identity: Identity, now: int) -> None:
+        self.identity = identity
+        self.sessions: dict[str, dict[str, Key]] = {}
+        """The keys of the endpoints by their tokens, by the ids of the sessions. A vehicle that has lost its power
+        leaves tokens behind for a minute."""
+        self.remote: Remote | None = None
+        self.routes: dict[str, Open] = {}
+        """By name: a stranger can tell a second one with another hash, which is not opened."""
+        self.by_key: dict[str, Route] = {}
+        """The same by the texts of keys, for samples."""
+        self.release = NEWEST
+        self.since = self.heard = self.told = now
+        self.is_complete = False
+        """Whether it is told that all its topics are known."""
+        self.sequences = Sequences()
+        self.followed: frozenset[str] = frozenset()
+        """The keys of the topics that are followed."""
+        self.is_carried = key_of_carried(identity.node) is not None
+        """Whether a process of msggen carries it over the network."""
+        self.gids: set[bytes] = set()
+        """Those of the publishers of a carried vehicle."""
+        self.clock: OtherClock | None = None
+        """The clock of the process that carries it, in ns since 1970, once it is heard."""
+
+    @property
+    def beats(self) -> list[str]:
+        """The keys on which it is told that it is carried. A process that was killed leaves its session behind."""
+        domain, namespace, _ = self.identity
+        sessions = [*self.sessions][-_SESSIONS:] if self.is_carried else []
+        return [beat_of(zid, domain, namespace) for zid in sessions]
+
+    @property
+    def publishes(self) -> bool:
+        """Whether it has told that it publishes a topic of PX4."""
+        return any(is_out(key) for keys in self.sessions.values() for key in keys.values())
+
+
+class Flow(NamedTuple):
+    """Where the samples of a key with a gid belong."""
+
+    vehicle: Vehicle
+    key: Key
+    end: int
+    """The bytes of a sample with its header, what is behind them is left out; 0 if that is not known."""
+
+
+def message_of(key: Key) -> str:
+    """Return the name of the message of a key: `VehicleStatus`."""
+    return key.ros_type.rpartition("/")[2]
+
+
+def route_of(key: Key, vehicle: Vehicle) -> Route:
+    """Return the route of a key: with the version in its name, which PX4 leaves out, if the hash tells it."""
+    found = definition_of(key.type_hash, message_of(key))
+    is_short = found is not None and PX4.fullmatch(vehicle.identity.node) is not None
+    name = found.named(key.name, vehicle.release) if found and is_short else key.name
+    return Route(
+        name,
+        key.ros_type,
+        "out" if is_out(key) else "in",
+        -1,
+        key.type_hash,
+        found.message_hash if found else 0,
+    )
+
+
+def old_form(key: str) -> str:
+    """Return the warning of a vehicle whose release cannot be read."""
+    return (
+        f"'{key}' is published in the form of PX4 v1.16, whose samples are not CDR: fields of 8 bytes lie at multiples "
+        "of 4: update the firmware to v1.17, or use its uxrce_dds_client, --link udp://"
+    )

@@ -1,0 +1,390 @@
+"""The vehicles of an owner on a network: one of its programs, which carries them to Zenoh in the form of rmw_zenoh.
+
+What the owner tells, and what arrives from the network, waits in a queue for the thread of the network. Only samples of
+vehicles are published at once, by the thread that receives them from the owner (docs/zenoh.md).
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Final
+
+from msggen.link.address import Address
+from msggen.link.age import LATE_OR_BEHIND, LONGEST_NS, expiry
+from msggen.link.aside import Aside
+from msggen.link.link import Link, LinkError, Remote, Route, Service
+from msggen.link.rmw_zenoh.connection import Connection
+from msggen.link.rmw_zenoh.names import (
+    Attachment,
+    Kind,
+    Token,
+    beat_of,
+    carrier_of,
+    gid_of,
+    parse_attachment,
+    parse_token,
+    place_in,
+)
+from msggen.link.rmw_zenoh.waiting import Waiting
+from msggen.messages.firmware import Firmware
+from msggen.messages.packages import Packages
+from msggen.vehicle.entries import Entries
+from msggen.vehicle.entry import Entry
+from msggen.vehicle.fleet import NAMESPACES, sort
+from msggen.vehicle.owned.unix import UnixLink
+from msggen.vehicle.owner.network_topics import Flow, Topic, domain_of_ros, topics_of
+from msggen.vehicle.owner.owner import LOGGER
+from msggen.vehicle.refusals import Refusals
+from msggen.vehicle.selection import shown
+
+if TYPE_CHECKING:
+    from msggen.link.rmw_zenoh.session import Declared, Question, Session
+
+_BEAT_S: Final = 0.1
+"""The time between two beats: a program on the network sends nothing after 0.5 s without one."""
+_MOST: Final = 1000
+"""What may wait for the thread of the network. Further samples and tokens from there are refused."""
+
+
+class _Vehicle:
+    """A vehicle that is carried."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        self.topics: Mapping[str, Topic] = {}
+        """By the names of their routes."""
+        self.known: set[str] = set()
+        """The names of all its routes, also of those without a definition."""
+        self.declared: list[Declared] = []
+        self.beat: Flow | None = None
+
+
+class Network:
+    """Carries the vehicles of an owner to Zenoh, and back what is published to them there."""
+
+    def __init__(self, address: Address, path: str, types: Callable[[Firmware], Packages]) -> None:
+        """Make it. `address` is that of the router, and `path` that of the socket of the owner.
+
+        `types` returns the packages with the definitions of a firmware, the first ones first.
+        """
+        self._name = str(address).replace(f"{address.scheme}://", f"{address.scheme} tcp/")
+        self._link: Link = UnixLink(path, self._name)
+        self._types = types
+        self._domain = domain_of_ros()
+        self._connection = Connection(address.host, address.port, address.config, self._begin)
+        self._queue: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._lock = threading.RLock()
+        self._entries = Entries(self._link, self._lock, lambda entry, _: self._queue.put(lambda: self._update(entry)))
+        self._vehicles: dict[int, _Vehicle] = {}
+        """Those that are carried, by number."""
+        self._flows: dict[tuple[int, str], Flow] = {}
+        """By the number of the vehicle and the name of the route. Replaced as a whole."""
+        self._strangers: dict[str, set[str]] = {}
+        """The tokens of others that publish topics of vehicles, by namespace."""
+        self._waiting = Waiting()
+        self.refusals = Refusals()
+        self._aside = Aside("msggen-last", _MOST, lambda error: LOGGER.warning("no last sample: %s", error))
+        """Asks the owner for last samples, whose answers can take a second."""
+        self._told: set[str] = set()
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name="msggen-network", daemon=True)
+
+    def start(self) -> None:
+        """Open the session, and join the owner soon. Raises LinkError."""
+        self._connection.open()
+        warning = self._connection.warning("read all topics, and command the vehicles")
+        if warning:
+            LOGGER.warning("%s", warning)
+        role = "this process is the router" if self._connection.is_router else "a client of the router there"
+        LOGGER.info("%s: %s", self._name, role)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the network and the owner. Can be repeated."""
+        self._is_closing = True
+        if self._thread.is_alive():
+            self._thread.join()
+        self._connection.close()
+        self._aside.close(_BEAT_S)
+
+    # --- What happens at the owner: the listener of the link, in its thread
+
+    def connected(self, remote: Remote) -> None:
+        """Carry a vehicle soon."""
+        with self._lock:
+            self._entries.connected(remote)
+
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        """Take a route."""
+        entry = self._entries.opened(remote, route)
+        if entry is not None and entry.check.is_complete:
+            self._queue.put(lambda: self._update(entry))
+
+    def disconnected(self, remote: Remote, reason: str) -> None:  # noqa: ARG002
+        """Withdraw a vehicle soon."""
+        with self._lock:
+            self._entries.pop(remote.number, None)
+        self._queue.put(lambda: self._end(remote.number))
+
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+        """Publish a sample at once."""
+        flow = self._flows.get((remote.number, route.name))
+        if flow is not None:
+            flow.put(payload, time)
+
+    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """Do nothing: there are no services on the network."""
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """Do nothing."""
+
+    def lost(self, remote: Remote, missing: int) -> None:
+        """Do nothing: samples are counted anew on the network."""
+
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Take definitions."""
+        self._entries.identified(remote, hashes, is_complete=is_complete)
+
+    def warned(self, text: str) -> None:
+        """Do nothing: the owner has told it."""
+
+    def failed(self, reason: str) -> None:  # noqa: ARG002
+        """End with the owner."""
+        self._is_closing = True
+
+    # --- What arrives from the network, in threads of Zenoh
+
+    def _begin(self, session: Session) -> None:
+        """Declare all anew in a session."""
+        self._strangers.clear()
+        session.tokens(self._take_token)
+        for vehicle in tuple(self._vehicles.values()):
+            self._declare(vehicle)
+
+    def _take_token(self, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
+        self._queue.put(lambda: self._note(text, is_alive=is_alive))
+
+    def _take_sample(self, vehicle: _Vehicle, topic: Topic, payload: bytes, attachment: bytes | None) -> None:
+        arrived = time.time_ns()
+        until = expiry()
+        if self._queue.qsize() >= _MOST:
+            self.refusals.add(topic.key.name, f"more than {_MOST} samples wait")
+        else:
+            self._queue.put(lambda: self._send(vehicle, topic, payload, attachment, arrived, until))
+
+    # --- The thread of the network
+
+    def _run(self) -> None:
+        try:
+            self._link.start(self)
+            beat = 0.0
+            while not self._is_closing:
+                with suppress(Empty):
+                    self._queue.get(timeout=_BEAT_S)()
+                if (now := time.monotonic()) - beat >= _BEAT_S:
+                    beat = now
+                    self._beat()
+                    self._connection.look()
+        except LinkError as error:
+            if not self._is_closing:
+                LOGGER.error("the network has ended: %s", error)
+        except Exception:  # noqa: BLE001 - told to the log: the link goes on without a network
+            LOGGER.exception("the network has failed")
+        finally:
+            self._connection.close()  # its tokens go at once
+            self._link.close()
+            for topic, count in self.refusals.counts.items():
+                LOGGER.info("%s: %d from the network were not carried", topic, count)
+
+    def _beat(self) -> None:
+        for vehicle in self._vehicles.values():
+            if vehicle.beat is not None and vehicle.beat.publisher.is_heard:
+                vehicle.beat.put(b"", time.time_ns())
+
+    def _note(self, text: str, *, is_alive: bool) -> None:
+        """Take a token of somebody who publishes topics of a vehicle."""
+        token, session = parse_token(text), self._connection.session
+        place = place_in(token.key.name) if token is not None and token.key is not None else None
+        if token is None or place is None or token.domain != self._domain or session is None:
+            return
+        if token.kind != "MP" or place[1] != "out" or session.is_own(token.zid):
+            return
+        found = self._strangers.setdefault(place[0], set())
+        if is_alive and len(found) < _MOST:
+            found.add(text)
+        elif not is_alive:
+            found.discard(text)
+            self._sort()
+
+    def _update(self, entry: Entry) -> None:
+        """Carry a vehicle whose definitions are known, or what it has got since."""
+        number = entry.remote.number
+        if not entry.check.is_complete or number not in self._entries:
+            return
+        vehicle = self._vehicles.get(number)
+        if vehicle is None:
+            self._sort()
+        elif {*entry.routes} - vehicle.known:
+            self._withdraw(vehicle)
+            self._plan(vehicle)
+            self._declare(vehicle)
+
+    def _sort(self) -> None:
+        """Carry all vehicles whose key space nobody else has."""
+        carried = [each.entry.remote for each in self._vehicles.values()]
+        with self._lock:
+            present = [each.remote for each in self._entries.values() if each.check.is_complete]
+        free = [each for each in present if not self._strangers.get(each.namespace)]
+        for remote in present:
+            if remote not in carried and self._strangers.get(remote.namespace):
+                self._tell(f"not carried: {shown(remote)}: {_taken(remote.namespace)}")
+        found = sort(carried, free, NAMESPACES)
+        for _, reason in found.refused:
+            self._tell(f"not carried: {reason}")
+        for remote in found.new:
+            entry = self._entries.get(remote.number)
+            if entry is not None:
+                vehicle = self._vehicles[remote.number] = _Vehicle(entry)
+                self._plan(vehicle)
+                self._declare(vehicle)
+
+    def _tell(self, text: str) -> None:
+        if text not in self._told and len(self._told) < _MOST:
+            self._told.add(text)
+            LOGGER.warning("%s", text)
+
+    def _plan(self, vehicle: _Vehicle) -> None:
+        """Choose the topics of a vehicle whose definitions are known."""
+        entry = vehicle.entry
+        packages, missing = self._types(entry.firmware()), []
+        topics = dict(vehicle.topics)
+        vehicle.known |= entry.routes.keys()
+        for route in tuple(entry.routes.values()):
+            found = next(topics_of(route, entry, packages, self._domain), None)
+            if found is None:
+                missing.append(route.name)
+            else:
+                topics[route.name] = found
+        vehicle.topics = topics
+        LOGGER.info("%s is on the network, with %d topics", shown(entry.remote), len(topics))
+        if missing:
+            names = ", ".join(sorted(missing))
+            self._tell(f"not on the network, because no types have the vehicle's definitions: {names}: {_TYPES}")
+
+    def _declare(self, vehicle: _Vehicle) -> None:
+        """Declare a vehicle in the session, if there is one: its node, then what it reads, then what it publishes."""
+        session, remote = self._connection.session, vehicle.entry.remote
+        if session is None:
+            return
+        count = remote.number * 10_000
+        node = Token(self._domain, session.zid, "NN", carrier_of(remote.key), ids=(count, count))
+        node = node._replace(namespace=remote.namespace)
+        flows = dict(self._flows)
+
+        def token_of(kind: Kind, topic: Topic) -> str:
+            nonlocal count
+            count += 1
+            return str(node._replace(kind=kind, key=topic.key, qos=topic.qos, ids=(remote.number * 10_000, count)))
+
+        with suppress(LinkError):  # the session has ended, and another one follows
+            vehicle.declared.append(session.declare(str(node)))
+            key = beat_of(session.zid, self._domain, remote.namespace)
+            vehicle.beat = Flow(session.publisher(key, lambda _: None), gid_of(str(node)))
+            vehicle.declared.append(vehicle.beat.publisher)
+            for topic in sorted(vehicle.topics.values(), key=lambda each: each.route.direction):
+                text = str(topic.key)
+                if topic.route.direction == "in":
+                    take = _bound(self._take_sample, vehicle, topic)
+                    vehicle.declared += [session.subscribe(text, take), session.declare(token_of("MS", topic))]
+                else:
+                    token = token_of("MP", topic)
+                    publisher = session.publisher(text, self._follower(remote, topic.route))
+                    flows[remote.number, topic.route.name] = Flow(publisher, gid_of(token))
+                    answered = session.answer(text, self._answerer(remote, topic))
+                    vehicle.declared += [publisher, answered, session.declare(token)]
+        self._flows = flows
+
+    def _withdraw(self, vehicle: _Vehicle) -> None:
+        number = vehicle.entry.remote.number
+        self._flows = {place: flow for place, flow in self._flows.items() if place[0] != number}
+        for each in reversed(vehicle.declared):
+            each.withdraw()
+        vehicle.declared.clear()
+        vehicle.beat = None
+
+    def _end(self, number: int) -> None:
+        vehicle = self._vehicles.pop(number, None)
+        if vehicle is not None:
+            self._withdraw(vehicle)
+            LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
+        self._sort()
+
+    def _follower(self, remote: Remote, route: Route) -> Callable[[bool], None]:
+        """Return what to do when the first subscriber of a topic comes, and the last one goes.
+
+        What has arrived while the first one came is published then: an acknowledgement can be faster.
+        """
+
+        def catch_up() -> None:
+            found, flow = self._link.last(remote, route), self._flows.get((remote.number, route.name))
+            if found is not None and flow is not None and max(flow.newest, time.time_ns() - LONGEST_NS) < found.time:
+                flow.put(found.payload, found.time)
+
+        def follow(is_followed: bool) -> None:  # noqa: FBT001 - as Session calls it
+            self._link.follow(remote, route, is_followed=is_followed)
+            if is_followed:
+                self._aside.do(catch_up)
+
+        return lambda is_followed: self._queue.put(lambda: follow(is_followed))
+
+    def _answerer(self, remote: Remote, topic: Topic) -> Callable[[Question], None]:
+        """Return what tells the last sample of a topic."""
+
+        def tell(question: Question) -> None:
+            found = self._link.last(remote, topic.route)
+            flow = self._flows.get((remote.number, topic.route.name))
+            if found is not None and flow is not None:
+                question.reply(found.payload, Attachment(flow.sequence, found.time, flow.gid).pack())
+            question.close()
+
+        def answer(question: Question) -> None:
+            self._aside.do(lambda: tell(question))
+
+        return answer
+
+    def _send(  # noqa: PLR0913, PLR0917 - what is known of a sample
+        self, vehicle: _Vehicle, topic: Topic, payload: bytes, attachment: bytes | None, arrived: int, until: int
+    ) -> None:
+        """Give a sample of the network to the vehicle, unless it is late or no sample of the topic.
+
+        It is decoded and encoded, because PX4 takes one encapsulation only.
+        """
+        told, name = parse_attachment(attachment), topic.key.name
+        if told is None:
+            self.refusals.add(name, "it has no attachment of rmw_zenoh, which tells how old it is")
+            return
+        waited = self._waiting.of(told.gid, told.time, arrived)
+        if waited > LONGEST_NS:
+            self.refusals.add(name, LATE_OR_BEHIND)
+            return
+        try:
+            data = topic.message.decode(payload).encode()
+            self._link.publish(vehicle.entry.remote, topic.route, data, until - waited)
+        except (LinkError, ValueError) as error:
+            self.refusals.add(name, error)
+
+
+_TYPES: Final = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
+
+
+def _taken(namespace: str) -> str:
+    name = f"the namespace '{namespace}'" if namespace else "topics without a namespace"
+    return f"another program publishes {name} on this network: {NAMESPACES}"
+
+
+def _bound(take: Callable[..., None], *arguments: Any) -> Callable[[str, bytes, bytes | None], None]:
+    return lambda _, payload, attachment: take(*arguments, payload, attachment)

@@ -1,0 +1,74 @@
+"""The topics of a vehicle in the form of rmw_zenoh: their keys, their QoS, and what decodes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from msggen.link.link import LinkError, Route
+from msggen.link.rmw_zenoh.names import Attachment, Key, Qos
+from msggen.messages.names import without_namespace
+from msggen.messages.packages import Message, Packages, has_definition
+from msggen.vehicle.entry import Entry
+
+if TYPE_CHECKING:
+    from msggen.link.rmw_zenoh.session import Publisher
+
+_DOMAIN: Final = "ROS_DOMAIN_ID"
+_DOMAINS: Final = 233
+
+
+class Flow:
+    """A topic of a vehicle on the network."""
+
+    __slots__ = ("gid", "newest", "publisher", "sequence")
+
+    def __init__(self, publisher: Publisher, gid: bytes) -> None:
+        self.publisher, self.gid = publisher, gid
+        self.sequence = self.newest = 0
+
+    def put(self, payload: bytes, arrived: int) -> None:
+        """Publish a sample that has arrived at a time in ns. What cannot be published is missing in the sequence."""
+        self.sequence += 1
+        self.newest = arrived
+        with suppress(LinkError):
+            self.publisher.put(payload, Attachment(self.sequence, arrived, self.gid).pack())
+
+
+class Topic(NamedTuple):
+    """A topic of a vehicle in the form of rmw_zenoh."""
+
+    route: Route
+    key: Key
+    qos: Qos
+    message: type[Message]
+
+
+def topics_of(route: Route, entry: Entry, packages: Packages, domain: int) -> Iterator[Topic]:
+    """Yield the topic that a route is, as packages with its definition have it."""
+    known = entry.hash_of(route.ros_type)
+    for package in packages:
+        for endpoint in _versions(package, without_namespace(route.name, entry.remote.namespace)):
+            info = endpoint.message.__msg__
+            if info.ros_type == route.ros_type and has_definition(endpoint.message, route, known):
+                side = endpoint.qos.writer if route.direction == "out" else endpoint.qos.reader
+                qos = Qos(is_reliable=side.reliability == "RELIABLE", depth=side.depth or Qos().depth)
+                key = Key(domain, route.name, route.ros_type, info.type_hash)
+                yield Topic(route, key, qos, endpoint.message)
+
+
+def _versions(package: Any, name: str) -> Sequence[Any]:
+    try:
+        return [*reversed(package.topics.versions_of(name))]
+    except KeyError:
+        return ()
+
+
+def domain_of_ros() -> int:
+    """Return the domain of ROS. Raises LinkError."""
+    text = os.environ.get(_DOMAIN) or "0"
+    if not text.isdecimal() or int(text) >= _DOMAINS:
+        raise LinkError(f"{_DOMAIN} is '{text}': expected a number from 0 to {_DOMAINS - 1}")
+    return int(text)

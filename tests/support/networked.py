@@ -1,0 +1,58 @@
+"""A process that owns a link of simulated vehicles, and carries them to Zenoh: all in threads of the test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import NamedTuple
+
+from msggen.link.address import parse_address
+from msggen.link.udp import UdpLink
+from msggen.sim import Options, Simulator
+from msggen.vehicle.owner.network import Network
+from msggen.vehicle.owner.server import Server
+from support.ports import free_port
+from support.served import served
+
+CALM = Options(sync="off", rate=10.0)
+
+
+class Networked(NamedTuple):
+    """Vehicles on a network."""
+
+    url: str
+    """The address of the router, which the network is itself."""
+    simulator: Simulator
+    server: Server
+    network: Network
+
+
+@contextmanager
+def carried(owner: UdpLink, router: int, *types: ModuleType) -> Iterator[tuple[Server, Network]]:
+    """Own a link, and carry its vehicles to a router at a port."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "link.socket"
+        with served(owner, path) as server:
+            network = Network(parse_address(f"zenoh://127.0.0.1:{router}"), str(path), lambda _: types)
+            network.start()
+            try:
+                yield server, network
+            finally:
+                network.close()
+
+
+@contextmanager
+def networked(
+    types: ModuleType, options: Sequence[Options] = (CALM,), *, port: int = 0, speed: float = 1.0
+) -> Iterator[Networked]:
+    """Simulate vehicles over UDP, and carry them to the router at a port, or to one at a port of its own."""
+    port = port or free_port()
+    link = UdpLink(port=0)
+    with (
+        carried(link, port, types) as (server, network),
+        Simulator(types, f"udp://127.0.0.1:{link.port}", options, speed=speed) as simulator,
+    ):
+        yield Networked(f"zenoh://127.0.0.1:{port}", simulator, server, network)
