@@ -1,4 +1,4 @@
-"""Tests of the programs in docs/connect.md: samples cross DDS as bytes, and a vehicle gets what Offboard mode needs."""
+"""Tests of the programs in docs/ros2.md: samples cross DDS as bytes, and a vehicle gets what Offboard mode needs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from support.examples import by_day
 from support.repository import ROOT
 
-PAGE = (ROOT / "docs" / "connect.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "ros2.md").read_text(encoding="utf-8")
 DDS, READ, OFFBOARD = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 DOMAIN = 137
 """A DDS domain of its own, so that other programs on this machine do not take part."""

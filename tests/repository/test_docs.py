@@ -68,10 +68,9 @@ ERRORS = {
 PAGES_OF_CODE = (
     "package.md",
     "batches.md",
-    "connect.md",
     "frames.md",
     "meaning.md",
-    "time.md",
+    "ros2.md",
     "wire.md",
 )
 

@@ -26,11 +26,11 @@ from support.repository import ROOT
 
 UNKNOWN = {
     "batches.md": "pyarrow",
-    "connect.md": "end endpoint message reader writer",
     "fleet.md": "found lowest rows scan voltages",
     "frames.md": "pose",
     "package.md": "OffboardControlMode Tuning cls make_reader px4_msgs re schema self super tuning",
     "recordings.md": "figure",
+    "ros2.md": "end endpoint message reader writer",
     "versions.md": "newer old subscribed",
 }
 """Names on pages that are parameters without types, or of other libraries, or of packages with other definitions."""
