@@ -30,7 +30,6 @@ UNKNOWN = {
     "frames.md": "pose",
     "package.md": "OffboardControlMode Tuning cls make_reader px4_msgs re schema self super tuning",
     "recordings.md": "figure",
-    "ros2.md": "end endpoint message reader writer",
     "versions.md": "newer old subscribed",
 }
 """Names on pages that are parameters without types, or of other libraries, or of packages with other definitions."""
