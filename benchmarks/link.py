@@ -1,6 +1,6 @@
 """Measure the links: latency, loss and CPU time of a sample, from the sender's call to the decoded message.
 
-    python benchmarks/link.py            everything, in 4 minutes; docs/links.md shows the tables
+    python benchmarks/link.py            everything, in 4 minutes; docs/links.md shows some rows
     python benchmarks/link.py --quick    checks in a minute that it works
     python benchmarks/link.py --soak     a Vehicle with 24 topics at 100 Hz for 10 minutes, and its memory, on Linux
 

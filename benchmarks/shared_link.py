@@ -1,6 +1,6 @@
 """Measure a link that a process owns for several programs, beside a program that owns its link: on Linux.
 
-    python benchmarks/shared_link.py            three minutes; docs/links.md shows the table
+    python benchmarks/shared_link.py            three minutes; docs/links.md shows some rows
     python benchmarks/shared_link.py --quick    checks that it works
 
 Each program takes and decodes all samples of a vehicle. CPU time is that of a process, with its part of the kernel.

@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {
     "Start": ("README", "docs/install", "docs/first-flight"),
     "Types": (
-        *("docs/build", "docs/package", "docs/meaning", "docs/frames", "docs/time", "docs/versions"),
+        *("docs/build", "docs/package", "docs/meaning", "docs/frames", "docs/versions"),
         *("docs/cmake", "docs/render"),
     ),
     "Firmware in step": (
@@ -24,7 +24,7 @@ GROUPS = {
         ),
     ),
     "Vehicle": (
-        *("docs/vehicle", "docs/topic", "docs/doctor", "docs/errors_of_others"),
+        *("docs/vehicle", "docs/topic", "docs/doctor"),
         *(
             "docs/flight",
             "docs/flight_modes",
@@ -36,7 +36,6 @@ GROUPS = {
             "docs/sim",
             "docs/links",
             "docs/zenoh",
-            "docs/connect",
             "docs/ros2",
         ),
     ),

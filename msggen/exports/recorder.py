@@ -274,7 +274,7 @@ def publish_time(payload: bytes, arrival: int) -> int:
     """Return the time in ns at which a sample was published: its `timestamp`, or else that of its arrival.
 
     `timestamp` is the first field of the messages of PX4, a uint64 in us. It is UTC if the vehicle has synchronised
-    its clock (docs/time.md); a value that is more than an hour off is not.
+    its clock (docs/frames.md); a value that is more than an hour off is not.
     """
     try:
         encapsulation, timestamp = _TIMESTAMP.unpack_from(payload, 1)

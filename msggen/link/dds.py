@@ -1,6 +1,6 @@
 """The link over DDS, to the vehicles behind an agent that runs already.
 
-The names and types of topics tell what belongs to a vehicle (docs/connect.md): writers of `rt/[NS/]fmu/out/...`,
+The names and types of topics tell what belongs to a vehicle (docs/ros2.md): writers of `rt/[NS/]fmu/out/...`,
 readers of `rt/[NS/]fmu/in/...`, and for a service a reader of `rq/[NS/]fmu/...Request` and a writer of
 `rr/[NS/]fmu/...Reply`. DDS does not show which vehicle is behind a participant, so a vehicle is a namespace.
 """

@@ -14,7 +14,7 @@ from msggen.messages.packages import endpoint_of
 if TYPE_CHECKING:
     from msggen.messages.packages import Endpoint, Message, Way
 
-_TO_ADD = "; add it there, and build the firmware again (docs/connect.md)"
+_TO_ADD = "; add it there, and build the firmware again (docs/doctor.md)"
 _SUGGESTED = re.compile(r"(?<=did you mean ')/[^']*/([^/']+)(?='\?)")
 """The last part of a name that an error suggests: what is meant by a name without slashes."""
 

@@ -200,7 +200,7 @@ class SimulatedVehicle:
                 self._publish(publication, message)
 
     def _publish(self, publication: Publication, message: Any) -> None:
-        """Send a message, with its times in the agent's clock (docs/time.md)."""
+        """Send a message, with its times in the agent's clock (docs/frames.md)."""
         if self._log is not None:
             self._log.add(publication.topic, message)
         offset = self._client.offset + self._clock_off

@@ -19,7 +19,7 @@ from support.flown import Flown, fly
 from support.repository import ROOT
 
 FACADES = (Flight, BlockingFlight, Mode, Executor, Check, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
-PAGE = (ROOT / "docs" / "flight.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "tests" / "flight" / "compared.md").read_text(encoding="utf-8")
 
 
 def names_elsewhere() -> set[str]:

@@ -133,7 +133,8 @@ def grouped(kinds: dict[str, Any]) -> list[tuple[str, tuple[Kind, ...]]]:
 
 
 def test_the_names_of_msggen_on_the_page_exist() -> None:
-    table_of_names = TEXTS["flight"].partition("## Names elsewhere")[2].partition("\n## ")[0]
+    text = (ROOT / "tests" / "flight" / "compared.md").read_text(encoding="utf-8")
+    table_of_names = text.partition("## Names elsewhere")[2].partition("\n## ")[0]
     ours = " ".join(line.split("|")[3] for line in table_of_names.splitlines() if line.startswith("| "))
     words = set(re.findall(r"`(?:await )?(?:async with )?(?:self\.|flight\.)?(\w+)", ours))
     known = {
@@ -178,7 +179,7 @@ def test_the_page_has_a_row_for_each_case_of_other_vehicles() -> None:
     assert [line[:37].rstrip() for line in lines] == [text for text, *_ in MEASURE["OTHERS"]]
 
 
-def test_the_page_has_the_measured_times_in_both_tables() -> None:
+def test_the_page_has_a_row_for_each_measured_case() -> None:
     head, *lines = table_of_the_page()
     assert head.split() == ["seconds", *MEASURE["RELEASES"], "then"]
     assert [line[:37].rstrip() for line in lines] == [text for text, _ in MEASURE["CASES"]]
@@ -194,9 +195,7 @@ def table_of_the_page() -> list[str]:
 
 
 def test_measured_times_are_put_on_the_page() -> None:
-    cells = MEASURE["_CELLS"]
-    lines = [f"{text}  1.00 to 1.00  {row}.50 to {row}.75  then" for row, text in enumerate(cells.values())]
+    lines = ["seconds", "the program hangs  1.00 to 1.00  1.50 to 1.75  then"]
     page = MEASURE["updated"](TEXTS["flight_safety"], lines)
     assert "\n".join(["```console", "$ python docs/measure_flight_safety.py", *lines, "```"]) in page
-    shown = re.findall(r"^\| ([^|]*) \| [^|\d]*(\d)\.50 to \2\.75 s \|", page, re.MULTILINE)
-    assert dict(shown) == {name: str(row) for row, name in enumerate(cells)}
+    assert page.count("\n") == TEXTS["flight_safety"].count("\n") - len(table_of_the_page()) + 2

@@ -1,4 +1,4 @@
-"""Tests of the programs in docs/connect.md: samples cross DDS as bytes, and a vehicle gets what Offboard mode needs."""
+"""Tests of the programs of docs/ros2.md: samples cross DDS as bytes, and a vehicle gets what Offboard mode needs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import sys
+import textwrap
 from typing import Any
 
 import pytest
@@ -14,8 +15,10 @@ import pytest
 from support.examples import by_day
 from support.repository import ROOT
 
-PAGE = (ROOT / "docs" / "connect.md").read_text(encoding="utf-8")
-DDS, READ, OFFBOARD = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+PAGE = (ROOT / "docs" / "ros2.md").read_text(encoding="utf-8")
+(OFFBOARD,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+EXAMPLE = (ROOT / "examples" / "dds_without_ros.py").read_text(encoding="utf-8")
+DDS, _, READ = EXAMPLE.partition('if __name__ == "__main__":\n')
 DOMAIN = 137
 """A DDS domain of its own, so that other programs on this machine do not take part."""
 
@@ -74,7 +77,7 @@ def test_the_reading_program_reads_an_endpoint(px4_types: Any, capsys: pytest.Ca
         "reader_of": lambda *given: given,
         "messages": lambda reader, endpoint, _: [status] if reader == (0, endpoint) else [],
     }
-    exec(READ, names)  # noqa: S102 - our own text
+    exec(textwrap.dedent(READ), names)  # noqa: S102 - our own text
     assert (asked, capsys.readouterr().out) == ([(0, "loopback")], "2 14\n")
 
 

@@ -67,10 +67,9 @@ ERRORS = {
 
 PAGES_OF_CODE = (
     "package.md",
-    "connect.md",
     "frames.md",
     "meaning.md",
-    "time.md",
+    "ros2.md",
     "wire.md",
 )
 

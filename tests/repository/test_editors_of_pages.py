@@ -25,7 +25,6 @@ from support.page_code import PAGES, Place, code_of, cut_code, places_of
 from support.repository import ROOT
 
 UNKNOWN = {
-    "connect.md": "end endpoint message reader writer",
     "fleet.md": "found lowest rows scan voltages",
     "frames.md": "pose",
     "package.md": "OffboardControlMode cls make_reader px4_msgs re schema self super",

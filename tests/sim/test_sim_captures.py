@@ -184,7 +184,7 @@ def test_fields_move_and_stand_still_as_those_of_the_real_vehicle(
 
 
 def test_the_page_compares_the_rates(own: Callable[[str], dict[str, Flying]]) -> None:
-    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8")
+    page = (ROOT / "tests" / "sim" / "compared.md").read_text(encoding="utf-8")
     table = published_flights.table({vehicle: own(vehicle) for vehicle in FLIGHTS})
     assert table in page, "stale: python -m support.published_flights, in the folder tests"
 

@@ -26,7 +26,7 @@ from msggen.link.xrce.agent import Agent
 from msggen.link.xrce.framing import Deframer, pack_frame
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sim.faults import NAMES, read_fault
-from msggen.sim.parameters import PARAMETERS
+from msggen.sim.parameters import PARAMETERS, SETTABLE
 from msggen.sim.transport import read_address
 from support.repository import ROOT
 
@@ -424,8 +424,14 @@ def test_the_options_of_the_page_are_all_misbehaviours() -> None:
 
 
 def test_the_page_has_all_parameters_and_faults() -> None:
-    rows = re.findall(r"^\| ([A-Z][A-Z0-9_]+) \| ([\d.]+) \|", PAGE, re.MULTILINE)
-    assert {name: float(value) for name, value in rows} == PARAMETERS
+    texts = (PAGE, (ROOT / "tests" / "sim" / "compared.md").read_text(encoding="utf-8"))
+    settable, fixed = (
+        {name: float(value) for name, value in re.findall(r"^\| ([A-Z][A-Z0-9_]+) \| ([\d.]+) \|", text, re.MULTILINE)}
+        for text in texts
+    )
+    assert settable | fixed == PARAMETERS
+    assert settable.keys() <= {*SETTABLE}
+    assert not fixed.keys() & {*SETTABLE}
     table = PAGE.partition("| fault | what happens |")[2].partition("\n\n")[0]
     names = [name for row in table.splitlines()[2:] for name in re.findall("`([^`]+)`", row.split("|")[1])]
     assert sorted(re.sub("=.*", "", name) for name in names) == sorted(re.sub("=.*", "", name) for name in NAMES)

@@ -97,7 +97,7 @@ def test_the_facts_are_those_of_the_capture(px4_types: Any) -> None:
 
 
 def test_the_page_compares_them(real: dict[str, Topic], own: dict[str, Topic]) -> None:
-    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8")
+    page = (ROOT / "tests" / "sim" / "compared.md").read_text(encoding="utf-8")
     assert published.table(real, own) in page, "stale: python -m support.published, in the folder tests"
 
 

@@ -1,7 +1,7 @@
 """How topics are published: at which rates, and which of their fields move, by a captured PX4 v1.18 and by sim.
 
-In the folder tests, `python -m support.published` writes the tables in docs/sim.md. With a capture, it first writes
-its facts to tests/sim/published.json.
+In the folder tests, `python -m support.published` writes the table in tests/sim/compared.md. With a capture, it first
+writes its facts to tests/sim/published.json.
 """
 
 from __future__ import annotations
@@ -228,8 +228,8 @@ END = "<!-- the end of what it writes -->\n"
 
 
 def write_table(module: str, text: str) -> None:
-    """Write the table of a module into the page on simulated vehicles."""
-    path = ROOT / "docs" / "sim.md"
+    """Write the table of a module into the page that compares simulated vehicles with real ones."""
+    path = ROOT / "tests" / "sim" / "compared.md"
     before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN.format(module))
     _, end, after = rest.partition(END)
     path.write_text(before + begin + text + end + after, encoding="utf-8")

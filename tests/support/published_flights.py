@@ -1,8 +1,8 @@
 """How captured planes, VTOLs and rovers of PX4 v1.18 publish their topics, and simulated ones in the same flights.
 
 The captures lack most samples of fast topics, except in short parts of two flights: rates are taken from there. In the
-folder tests, `python -m support.published_flights` writes the table in docs/sim.md. With a folder of whole captures, it
-first writes their facts to tests/sim/published_flights.json.
+folder tests, `python -m support.published_flights` writes the table in tests/sim/compared.md. With a folder of whole
+captures, it first writes their facts to tests/sim/published_flights.json.
 """
 
 from __future__ import annotations

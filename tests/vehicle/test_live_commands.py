@@ -499,7 +499,7 @@ def test_the_sessions_of_the_page_are_real(px4_types: ModuleType, capsys: pytest
                 main([*shlex.split(command)[1:], "--link", url, "--types", PACKAGE, "--key", "1"])
             told = capsys.readouterr()
             assert masked(told.out + told.err) == masked(shown), command
-    assert len(STEPS) == 12
+    assert len(STEPS) == 10
 
 
 def masked(text: str) -> str:
