@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted
-from msggen.check.finding import Category, Severity
+from msggen.check.finding import Severity
 from msggen.messages.gps import HAS_FIX
 
 if TYPE_CHECKING:
@@ -84,9 +84,7 @@ RULES = (
     FlightRule(
         "GPS_FIX_LOST",
         "the GPS lost its fix in flight, or sent nothing",
-        Category.FLIGHT,
         _lost,
-        severity=Severity.WARNING,
         needs=(_fields("fix_type"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, away from cameras, radios and USB cables.",
@@ -96,9 +94,7 @@ RULES = (
     FlightRule(
         "GPS_JAMMED",
         "the GPS reports jamming",
-        Category.FLIGHT,
         partial(_reported, "jamming_state", "jamming"),
-        severity=Severity.WARNING,
         needs=(_fields("jamming_state"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Look for a source on the vehicle, such as a transmitter of video, USB 3 or a switching regulator. If it "
@@ -109,8 +105,8 @@ RULES = (
     FlightRule(
         "GPS_SPOOFED",
         "the GPS reports that its signals are not those of satellites",
-        Category.FLIGHT,
         partial(_reported, "spoofing_state", "spoofing"),
+        severity=Severity.ERROR,
         needs=(_fields("spoofing_state"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Do not trust the position. Fly without GPS there, or not at all.",
@@ -120,9 +116,7 @@ RULES = (
     FlightRule(
         "GPS_JUMPED",
         "the position of the GPS jumped farther than its speed explains",
-        Category.FLIGHT,
         _jumped,
-        severity=Severity.WARNING,
         needs=(tuple(path for name in _LATITUDES for path in _fields(name)),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, look for sources of jamming, and do not fly close to buildings.",
