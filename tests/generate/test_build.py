@@ -278,9 +278,7 @@ def test_a_file_that_happens_to_be_right_is_adopted() -> None:
     assert content(PACKAGE) == whole
 
 
-def test_a_generated_file_edited_by_hand_stays_when_it_is_no_longer_needed(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_generated_file_edited_by_hand_stays_when_it_is_no_longer_needed(capsys: pytest.CaptureFixture[str]) -> None:
     folder_of("bare", "Rpm", "DebugVect")
     build("-q", "--msg-dir", "bare")
     edited = PACKAGE / "msg" / "_rpm.py"

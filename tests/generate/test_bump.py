@@ -1081,20 +1081,14 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
         ("VehicleStats", "VehicleStats: B102 no message 'VehicleStats' in ., did you mean 'VehicleStatus'?"),
         ("vehicle_status", "vehicle_status: B102 no message 'vehicle_status' in ., did you mean 'VehicleStatus'?"),
         ("VehicleStatusV0", "VehicleStatusV0: B102 no message 'VehicleStatusV0' in ., did you mean 'VehicleStatus'?"),
-        (
-            "SensorCombined",
-            "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: add 'uint32 MESSAGE_",
-        ),
+        ("SensorCombined", "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: add 'uint32 MESSAGE_"),
         ("../other/VehicleStatus.msg", "../other/VehicleStatus.msg: B102 not a file of this firmware: expected msg/"),
         (
             "srv/VehicleCommand.srv",
             "srv/VehicleCommand.srv: B104 'VehicleCommand' is a service: services have no versions",
         ),
         ("Wind --px4 nowhere", "nowhere: B101 no such folder: expected the folder of a PX4-Autopilot tree"),
-        (
-            "Wind --px4 mgs",
-            "mgs: B101 no such folder: expected the folder of a PX4-Autopilot tree, did",
-        ),
+        ("Wind --px4 mgs", "mgs: B101 no such folder: expected the folder of a PX4-Autopilot tree, did"),
         ("Wind --px4 .@HEAD", ".@HEAD: B101 not a folder: expected the folder of a PX4-Autopilot tree"),
         ("Wind --px4 ../px4.zip", "../px4.zip: B101 not a folder: expected the folder of a PX4-Autopilot tree"),
         ("Wind --px4 ../other", "../other: B101 no msg/versioned here"),
