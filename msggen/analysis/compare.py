@@ -18,6 +18,7 @@ from msggen.analysis.rules.table import TOPICS as OF_RULES
 from msggen.base.diagnostics import few
 from msggen.base.recording_formats import FORMATS
 from msggen.messages.vehicle_types import ROVER
+from msggen.recordings.source.facts import is_same
 
 if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
@@ -200,12 +201,7 @@ def _joined(first: Mapping[str, str | float], second: Mapping[str, str | float])
 
 
 def _differing(first: Mapping[str, str | float], second: Mapping[str, str | float]) -> tuple[Difference, ...]:
-    return tuple(each for each in _joined(first, second) if not _is_same(each.first, each.second))
-
-
-def _is_same(first: Value, second: Value) -> bool:
-    """Whether two values are the same. NaN is the same as NaN."""
-    return first == second or (first != first and second != second)  # noqa: PLR0124 - true for NaN alone
+    return tuple(each for each in _joined(first, second) if not is_same(each.first, each.second))
 
 
 def _parameters(first: Flight, second: Flight) -> tuple[Difference, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
-from msggen.check.finding import Rule
+from msggen.check.finding import Category, Rule, Severity
 
 LEVELS = "error", "warning", "info"
 """How much a finding matters, the most first."""
@@ -44,6 +44,8 @@ class FlightRule(Rule):
     A rule is asked if the recording has one of each of its `needs`; otherwise it says which one is missing.
     """
 
+    category: Category = field(default=Category.FLIGHT, init=False)
+    severity: Severity = Severity.WARNING
     needs: tuple[tuple[str, ...], ...] = ()
     """Topics, or fields such as `battery_status.remaining`: one of each tuple must have a number."""
     uses: tuple[str, ...] = ()

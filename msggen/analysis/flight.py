@@ -63,11 +63,6 @@ class Flight:
         """The track over ground, None if the recording has no positions."""
         return track_of(self.recorded)
 
-    @cached_property
-    def seconds_armed(self) -> float:
-        """The time in which the vehicle was armed, in s."""
-        return sum(end - begin for begin, end in self.recorded.armed)
-
     @property
     def whole(self) -> Spans:
         """All of the recording."""

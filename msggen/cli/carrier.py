@@ -61,8 +61,6 @@ class Carrier:
 
         try:
             with self._connected as found, node(self.remote.namespace) as made:
-                if self._options.standard:
-                    check_package(found)
                 self._carry(found, made)
         except Exception as error:  # noqa: BLE001 - the main thread tells or raises it
             self.error = error
@@ -223,13 +221,3 @@ class Totals:
             print(f"  {counted(number, 'call')} of {name} answered")
         for name, number in self.refusals.counts.items():
             print(printable(f"  not carried: {counted(number, 'time')}, {name}: {self.refusals.reasons[name]}"))
-
-
-def check_package(found: Connection) -> None:
-    """Raise InputError if a package of an earlier msggen has no module `odometry`, which --standard needs."""
-    from importlib import import_module
-
-    try:
-        import_module(f"{found.package.__name__}.odometry")
-    except ImportError:
-        raise input_error(found.label, "L103", "of an earlier msggen: generate it again for --standard", 0) from None

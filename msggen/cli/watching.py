@@ -29,17 +29,14 @@ def is_interrupt(error: BaseException) -> bool:
     return found is not None
 
 
-_WINDOW = 3.0
-
-
-def add_window(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names the time over which topics are measured."""
+def add_window(parser: argparse.ArgumentParser, verb: str = "report on", default: float = 3.0) -> None:
+    """Add the option that names the time in s whose samples count, with what is done with them."""
     parser.add_argument(
         "--window",
         metavar="SECONDS",
         type=positive,
-        default=f"{_WINDOW:g}",
-        help=f"report on the samples of this time (default: {_WINDOW:g})",
+        default=f"{default:g}",
+        help=f"{verb} the samples of this time (default: {default:g})",
     )
 
 

@@ -8,15 +8,7 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from msggen.base.qos import DEPTH
-from msggen.definitions.model import (
-    ArrayKind,
-    BridgeEntry,
-    Catalog,
-    Conventions,
-    Direction,
-    FieldType,
-    Message,
-)
+from msggen.definitions.model import ArrayKind, BridgeEntry, Catalog, Conventions, Direction, FieldType, Message
 from msggen.definitions.primitives import PRIMITIVES
 
 _FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193

@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from mcap.opcode import Opcode
 
 from msggen.recordings.files.mcap.layouts import FRONT, INDEX_ENTRY, MESSAGE_HEAD
-from msggen.recordings.files.mcap.writer import (
-    CHUNK,
-    COMPRESSIONS,
-    SMALLER,
-    Chunk,
-    ChunkWriter,
-    Target,
-    unindexed_end,
-)
+from msggen.recordings.files.mcap.writer import CHUNK, COMPRESSIONS, SMALLER, Chunk, ChunkWriter, Target, unindexed_end
 from msggen.recordings.files.rosbag2.qos import QOS
 
 if TYPE_CHECKING:

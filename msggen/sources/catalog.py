@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import Diagnostic, Level, input_error, sorted_out, suggestion
 from msggen.base.location import Location
-from msggen.definitions.model import (
-    ARCHIVE_PACKAGE,
-    DEFAULT_PACKAGE,
-    VERSION,
-    Catalog,
-    Conventions,
-    Message,
-    Service,
-)
+from msggen.definitions.model import ARCHIVE_PACKAGE, DEFAULT_PACKAGE, VERSION, Catalog, Conventions, Message, Service
 from msggen.definitions.parse.bridge import Bridge, parse_bridge
 from msggen.definitions.parse.definition import parse_message, parse_service
 from msggen.definitions.parse.rosidl import find_unbuildable

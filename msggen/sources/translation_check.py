@@ -122,18 +122,10 @@ def lost_values(text: str, older: Version, newer: Version, renamed: Mapping[str,
 
 def _constant_fields(statements: Iterable[Statement] | None) -> set[str]:
     """Return the fields that statements set to constants only. What a condition chooses is no constant."""
-    plain = [*_unconditional(statements or ())]
+    plain = [*_assignments(statements or (), of_branches=False)]
     constant = {each.target.field for each in plain if _is_constant(each.value)}
     others = {each.target.field for each in _assignments(statements or ()) if each not in plain}
     return constant - others - {each.target.field for each in plain if not _is_constant(each.value)}
-
-
-def _unconditional(statements: Iterable[Statement]) -> Iterator[Assignment]:
-    for each in statements:
-        if isinstance(each, Assignment):
-            yield each
-        elif isinstance(each, Loop):
-            yield from _unconditional(each.body)
 
 
 def _is_constant(value: Expression | None) -> bool:
@@ -172,11 +164,11 @@ def _problem(reference: Reference, version: Version) -> str:
     return ""
 
 
-def _assignments(statements: Iterable[Statement]) -> Iterator[Assignment]:
+def _assignments(statements: Iterable[Statement], *, of_branches: bool = True) -> Iterator[Assignment]:
     for each in statements:
         if isinstance(each, Assignment):
             yield each
         elif isinstance(each, Loop):
-            yield from _assignments(each.body)
-        elif isinstance(each, Branch):
+            yield from _assignments(each.body, of_branches=of_branches)
+        elif isinstance(each, Branch) and of_branches:
             yield from _assignments((*each.then, *each.otherwise))

@@ -171,7 +171,6 @@ def changes(before: dict[str, str], after: dict[str, str]) -> dict[str, str]:
 # --- Steps
 
 
-@pytest.mark.slow
 def test_five_files_are_written(firmware: Path) -> None:
     before = files_of(firmware)
     append(STATUS, "uint8 battery_count")
@@ -181,6 +180,7 @@ def test_five_files_are_written(firmware: Path) -> None:
     assert set(changed) == set(map(str, (STATUS, STATUS_V1, STATUS_V1_HEADER, STATUS_V2_HEADER, ALL)))
     assert changed[str(STATUS_V1)] == before[str(STATUS)]
     assert changed[str(STATUS)] == edited.replace("MESSAGE_VERSION = 1", "MESSAGE_VERSION = 2")
+    assert "newer.battery_count = 0;  // TODO: not in the older version\n" in changed[str(STATUS_V2_HEADER)]
 
 
 @pytest.mark.parametrize("against", [(), ("--against", "HEAD"), ("--against", "HEAD~1")])
@@ -188,6 +188,7 @@ def test_a_message_without_changes_gets_no_new_version(
     firmware: Path, against: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The change may be committed: then the last commit has the new definition, not the old one."""
+    old = STATUS.read_text()
     append(STATUS, "uint8 battery_count")
     commit(firmware)
     append(VERSIONED / "Wind.msg", "uint8 more")
@@ -200,7 +201,7 @@ def test_a_message_without_changes_gets_no_new_version(
     assert capsys.readouterr().err == f"{STATUS}: B107 {told}\n1 error, nothing written\n"
     assert files_of(firmware) == before
     assert bump("VehicleStatus", "--against", "HEAD~2") == DONE
-    assert "battery_count" not in STATUS_V1.read_text()
+    assert STATUS_V1.read_text() == old
 
 
 @pytest.mark.parametrize("branch", ["main", "master", "origin/main"])
@@ -296,16 +297,6 @@ def test_a_removed_message_gets_no_new_version(capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().err == told
 
 
-def test_a_message_edited_before_is_archived_as_it_was_committed() -> None:
-    old = STATUS.read_text()
-    append(STATUS, "uint8 battery_count")
-    edited = STATUS.read_text()
-    assert bump("VehicleStatus") == DONE
-    assert STATUS_V1.read_text() == old
-    assert STATUS.read_text() == edited.replace("MESSAGE_VERSION = 1", "MESSAGE_VERSION = 2")
-    assert "newer.battery_count = 0;  // TODO: not in the older version\n" in STATUS_V2_HEADER.read_text()
-
-
 def test_a_version_that_was_raised_by_hand_stays() -> None:
     edit(STATUS, "MESSAGE_VERSION = 1", "MESSAGE_VERSION  =  2 # raised")
     raised = STATUS.read_text()
@@ -391,15 +382,6 @@ def test_the_old_definition_can_come_from_another_tree(firmware: Path, tmp_path:
 
 
 @pytest.mark.slow
-def test_the_old_definition_can_come_from_another_revision(firmware: Path) -> None:
-    old = STATUS.read_text()
-    append(STATUS, "uint8 battery_count")
-    commit(firmware)
-    assert bump("VehicleStatus", "--against", "HEAD~1") == DONE
-    assert STATUS_V1.read_text() == old
-
-
-@pytest.mark.slow
 def test_without_a_repository_the_file_as_it_stands_is_the_old_one(
     firmware: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -427,7 +409,7 @@ def test_the_setting_px4_names_the_firmware(firmware: Path, tmp_path: Path, monk
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["VehicleStatus", str(STATUS), f"{STATUS}"])
+@pytest.mark.parametrize("name", ["VehicleStatus", str(STATUS)])
 @pytest.mark.usefixtures("edited")
 def test_a_message_may_be_named_by_its_file(firmware: Path, name: str) -> None:
     assert bump(name) == DONE
@@ -1099,20 +1081,14 @@ def test_every_versioned_message_of_a_release_can_be_bumped(tmp_path: Path) -> N
         ("VehicleStats", "VehicleStats: B102 no message 'VehicleStats' in ., did you mean 'VehicleStatus'?"),
         ("vehicle_status", "vehicle_status: B102 no message 'vehicle_status' in ., did you mean 'VehicleStatus'?"),
         ("VehicleStatusV0", "VehicleStatusV0: B102 no message 'VehicleStatusV0' in ., did you mean 'VehicleStatus'?"),
-        (
-            "SensorCombined",
-            "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: add 'uint32 MESSAGE_",
-        ),
+        ("SensorCombined", "msg/SensorCombined.msg: B102 'SensorCombined' has no versions: add 'uint32 MESSAGE_"),
         ("../other/VehicleStatus.msg", "../other/VehicleStatus.msg: B102 not a file of this firmware: expected msg/"),
         (
             "srv/VehicleCommand.srv",
             "srv/VehicleCommand.srv: B104 'VehicleCommand' is a service: services have no versions",
         ),
         ("Wind --px4 nowhere", "nowhere: B101 no such folder: expected the folder of a PX4-Autopilot tree"),
-        (
-            "Wind --px4 mgs",
-            "mgs: B101 no such folder: expected the folder of a PX4-Autopilot tree, did",
-        ),
+        ("Wind --px4 mgs", "mgs: B101 no such folder: expected the folder of a PX4-Autopilot tree, did"),
         ("Wind --px4 .@HEAD", ".@HEAD: B101 not a folder: expected the folder of a PX4-Autopilot tree"),
         ("Wind --px4 ../px4.zip", "../px4.zip: B101 not a folder: expected the folder of a PX4-Autopilot tree"),
         ("Wind --px4 ../other", "../other: B101 no msg/versioned here"),

@@ -372,8 +372,7 @@ def test_a_topic_that_is_no_name_is_refused(topic: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["a/b", "a.b", 'a"b', "a'b", "a\\b", "{{a}}", "a;b", "a(", "a:int", "a,b", "a-b", "ä", "1a", "_a", "__a__"],
+    "name", ["a/b", "a.b", 'a"b', "a'b", "a\\b", "{{a}}", "a;b", "a(", "a:int", "a,b", "a-b", "ä", "1a", "_a", "__a__"]
 )
 def test_a_field_or_constant_that_is_no_name_is_refused(name: str, tmp_path: Path) -> None:
     expected = {"M101"} if ":" in name else {"M201"}  # a colon in the place of `=`
@@ -446,23 +445,7 @@ def test_deeply_nested_yaml_is_an_error_and_not_a_crash(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "package",
-    [
-        "../evil",
-        "..",
-        ".",
-        "/evil",
-        "a/b",
-        "a.b",
-        "a\\b",
-        'a"b',
-        "a b",
-        "class",
-        "1a",
-        "{{a}}",
-        "a;b",
-        "ä b",
-        "a\n",
-    ],
+    ["../evil", "..", ".", "/evil", "a/b", "a.b", "a\\b", 'a"b', "a b", "class", "1a", "{{a}}", "a;b", "ä b", "a\n"],
 )
 def test_a_package_that_is_no_name_is_refused_and_writes_nothing(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

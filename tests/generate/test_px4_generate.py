@@ -296,17 +296,15 @@ def test_unknown_nested_types_are_told_with_other_errors_of_the_definition(capsy
     ]
 
 
-def test_a_folder_to_look_in_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    assert generate("--headers", includes=["msg", "msg/version"]) == FAILED
-    assert errors(capsys) == ["msg/version: S101 no such folder, did you mean 'msg/versioned'?"]
-
-
-def test_a_missing_folder_is_reported_without_the_unknown_types_that_follow_from_it(
+def test_missing_folders_are_reported_without_the_unknown_types_that_follow_from_them(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     write_definitions(Path(), {"msg/Own.msg": f"{STAMP}Nope x\nbool_ y\n"})
-    assert generate("--headers", "msg/Own.msg", *FILES, includes=["msgs", "msg/versioned"]) == FAILED
-    assert errors(capsys) == ["msgs: S101 no such folder, did you mean 'msg'?"]
+    assert generate("--headers", "msg/Own.msg", *FILES, includes=["msgs", "msg/version"]) == FAILED
+    assert errors(capsys) == [
+        "msg/version: S101 no such folder, did you mean 'msg/versioned'?",
+        "msgs: S101 no such folder, did you mean 'msg'?",
+    ]
 
 
 def test_a_missing_file_is_suggested_from_the_folders_of_nested_messages(capsys: pytest.CaptureFixture[str]) -> None:
@@ -497,33 +495,17 @@ def test_only_what_changes_is_written() -> None:
     assert set(contents("out")) == names
 
 
+OPTIONS = ("-f", *FILES, "-i", *INCLUDES, "-o", "out", "-e", f"{TEMPLATES}/uorb")
+
+
 def test_what_the_scripts_take_and_do_not_use_is_taken() -> None:
-    options = ["-f", *FILES, "-i", *INCLUDES, "-o", "out", "-e", f"{TEMPLATES}/uorb", "-p", "px4_"]
-    assert main(["px4-generate", "--json", *options]) == DONE
+    assert main(["px4-generate", "--json", *OPTIONS, "-p", "px4_"]) == DONE
     assert generate_bridge("--topic-msg-dir", "msg") == DONE
     assert {*contents("expected/json"), "dds_topics.h"} == set(contents("out"))
 
 
 def test_a_package_of_another_name_is_in_all_names() -> None:
-    assert (
-        main(
-            [
-                "px4-generate",
-                "--json",
-                "-k",
-                "own",
-                "-f",
-                *FILES,
-                "-i",
-                *INCLUDES,
-                "-o",
-                "out",
-                "-e",
-                f"{TEMPLATES}/uorb",
-            ]
-        )
-        == DONE
-    )
+    assert main(["px4-generate", "--json", "-k", "own", *OPTIONS]) == DONE
     assert '"cells": "own/CellReport[3]"' in contents("out")["pack_status.json"]
 
 

@@ -86,7 +86,9 @@ def test_external_modules_go_in_too_and_leave_again() -> None:
 def test_without_a_source_it_is_the_embedded_set() -> None:
     assert sync("-q", "--create", PACKAGE) == 0
     assert len(os.listdir(PACKAGE / "msg")) == 259
-    assert "PX4 v1.18, embedded in msggen" in (PACKAGE / "README.md").read_text()
+    readme = (PACKAGE / "README.md").read_text()
+    assert "PX4 v1.18, embedded in msggen" in readme
+    assert "$ msggen sync --px4 v1.18 .\n" in readme
 
 
 def test_settings_name_the_firmware_but_not_the_ros_package() -> None:
@@ -168,18 +170,10 @@ def test_a_second_sync_writes_nothing(capsys: pytest.CaptureFixture[str]) -> Non
     package()
     age(PACKAGE)
     before = identity(PACKAGE)
-    assert sync("--px4", "firmware", PACKAGE) == 0
-    assert identity(PACKAGE) == before
-    assert capsys.readouterr().out == "px4_msgs is up to date with firmware: 7 definitions\n"
-
-
-def test_a_second_create_is_an_ordinary_sync() -> None:
-    firmware()
-    package()
-    age(PACKAGE)
-    before = identity(PACKAGE)
-    assert sync("-q", "--px4", "firmware", "--create", PACKAGE) == 0
-    assert identity(PACKAGE) == before
+    for create in ((), ("--create",)):
+        assert sync("--px4", "firmware", *create, PACKAGE) == 0
+        assert identity(PACKAGE) == before
+        assert capsys.readouterr().out == "px4_msgs is up to date with firmware: 7 definitions\n"
 
 
 def test_a_plain_package_in_step_is_not_touched() -> None:
@@ -451,11 +445,6 @@ def test_the_command_of_the_readme_updates_the_package(
     assert sync(*shlex.split(command)[3:]) == 0
     assert capsys.readouterr().out.splitlines()[-1].endswith(": 1 added, 5 unchanged")
     assert main(["check", *shlex.split(command)[3:]]) == 0
-
-
-def test_the_readme_of_an_embedded_release_names_it() -> None:
-    assert sync("-q", "--create", PACKAGE) == 0
-    assert "$ msggen sync --px4 v1.18 .\n" in (PACKAGE / "README.md").read_text()
 
 
 def test_a_package_keeps_the_choice_of_topics_only() -> None:

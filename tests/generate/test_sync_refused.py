@@ -250,10 +250,6 @@ REFUSALS = [
         for place in ("dangling", "linked", "linked/new")
     ),
     Refusal("S111", "firmware", "a PX4-Autopilot tree", nothing, ("--px4", "firmware", "firmware")),
-    *(
-        Refusal("S115", place.split("/")[0], "symbolic link to", make_links, ("--px4", "firmware", "--create", place))
-        for place in ("dangling", "linked", "linked/new")
-    ),
     Refusal("S111", "firmware", "a PX4-Autopilot tree", nothing, ("--px4", "firmware", "--create", "firmware")),
     Refusal("S111", "bare", "is also a source", make_bare_source, ("--px4", "bare", "bare")),
     Refusal("S111", "bare", "is also a source", make_bare_source, ("--msg-dir", "bare/msg", "bare")),

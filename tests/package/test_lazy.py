@@ -138,20 +138,6 @@ def test_tools_of_the_standard_library_take_views(name: str, vectors: dict[str, 
         assert (type(one), plain(one)) == (cls, plain(message))
 
 
-def test_views_match_as_messages_do(px4_types: Any) -> None:
-    message_type = px4_types.DebugVect
-    match message_type.lazy(message_type(7, b"position\0\0", 1.0).encode()):
-        case message_type(stamp, name, x=1.0, y=y):
-            assert (stamp, name, y) == (7, b"position\0\0", 0.0)
-        case _:
-            pytest.fail("no match")
-
-
-def test_a_view_is_hashable_as_little_as_a_message(px4_types: Any) -> None:
-    with pytest.raises(TypeError, match="unhashable"):
-        hash(px4_types.DebugVect.lazy(px4_types.DebugVect().encode()))
-
-
 def test_a_view_decodes_messages_and_knows_its_class(px4_types: Any) -> None:
     cls = px4_types.EscStatus
     view = cls.lazy(cls().encode())
@@ -259,13 +245,6 @@ def test_views_with_other_headers_are_refused_as_decode_does(
         for second in range(256):
             other = bytes([first, second]) + sample[2:]
             assert outcome(cls.lazy, other) == outcome(cls.decode, other)
-
-
-@pytest.mark.parametrize("data", [None, 5, "text", [1, 2]])
-def test_what_is_no_bytes_is_refused_as_decode_does(data: Any, px4_types: Any) -> None:
-    for call in (px4_types.SensorCombined.decode, px4_types.SensorCombined.lazy):
-        with pytest.raises(TypeError):
-            call(data)
 
 
 def test_a_buffer_with_gaps_is_read_as_decode_does(px4_types: Any) -> None:

@@ -402,10 +402,7 @@ def test_all_versions_of_metadata_are_read(version: int, tmp_path: Path) -> None
 def test_a_newer_metadata_is_reported(tmp_path: Path) -> None:
     rows = write_split(tmp_path / "bag")
     change_metadata(tmp_path / "bag", lambda each: each.update(version=12))
-    assert read(tmp_path / "bag") == (
-        expected_of(TOPICS, rows),
-        ["metadata.yaml has version 12: 1 to 9 are known"],
-    )
+    assert read(tmp_path / "bag") == (expected_of(TOPICS, rows), ["metadata.yaml has version 12: 1 to 9 are known"])
 
 
 @pytest.mark.parametrize(

@@ -88,9 +88,7 @@ def test_the_standard_types_are_known(bag: Path) -> None:
     with recordings.open(bag) as log:
         check_poses(log)
         assert log.columns("/chatter")["data"].tolist() == [f"text {index}" for index in range(5)]
-        assert log.notes == [
-            f"{LACKING}; 2 taken from msggen's table of ROS 2 Humble, which has them",
-        ]
+        assert log.notes == [f"{LACKING}; 2 taken from msggen's table of ROS 2 Humble, which has them"]
         assert log.problems == []
         assert all(topic.is_lent for topic in log.topics)
 

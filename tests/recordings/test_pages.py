@@ -21,17 +21,7 @@ import pytest
 
 from support.interpreters import build, environment
 from support.network import isolated
-from support.pages import (
-    INSTALL,
-    Step,
-    check_outputs,
-    matches,
-    normalised,
-    outputs_of,
-    reading,
-    steps_of,
-    variables_of,
-)
+from support.pages import INSTALL, Step, check_outputs, matches, normalised, outputs_of, reading, steps_of, variables_of
 from support.ports import free_port
 from support.programs import required
 from support.repository import ROOT

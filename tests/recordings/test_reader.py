@@ -69,10 +69,7 @@ def test_all_files_of_mcap_are_read(options: dict[str, Any], px4_types: Any, tmp
     log = opening.open(path)
     assert [topic.name for topic in log.topics] == ["/fmu/out/strange", STATUS, ODOMETRY]
     assert log.topic(STATUS).definition == px4_types.VehicleStatus.__msg__.definition
-    assert [log.start, log.end] == [
-        min(each.time for each in expected),
-        max(each.time for each in expected),
-    ]
+    assert [log.start, log.end] == [min(each.time for each in expected), max(each.time for each in expected)]
     assert read_ours(path) == sorted(expected, key=lambda each: each.time)
     late = [each for each in read_ours(path) if each.time >= START + 10_000 and each.topic == STATUS]
     start = (START + 10_000 - log.start) / 1e9

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 
 import pytest
 import yaml
@@ -25,8 +26,12 @@ from msggen.sim.world import World
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.read import read
 from support.repository import ROOT
-from support.syntax import MODULES, nodes_of
 
+MODULES = {
+    path.relative_to(ROOT / "msggen").as_posix(): path.read_text(encoding="utf-8")
+    for path in sorted((ROOT / "msggen").rglob("*.py"))
+}
+"""The text of each module, by its path, such as `link/link.py`."""
 TABLES = ("base/recording_formats.py", "link/link_types.py")
 
 SUFFIXES = [each.removeprefix(".") for each in (*PACKED, *(row.suffix for row in FORMATS.values()))]
@@ -37,6 +42,12 @@ READ = {name for name, row in FORMATS.items() if not row.storage}
 """The formats that are only read: a module asks their row, or a channel, what they can do."""
 QUOTED = re.compile(rf"""["']({"|".join((*LINK_TYPES, *FORMATS))})\b""")
 STARTS = {"startswith", "endswith", "removeprefix"}
+
+
+@cache
+def nodes_of(source: str) -> tuple[ast.AST, ...]:
+    """Return all nodes of the syntax tree of a module, those of outer statements first."""
+    return (*ast.walk(ast.parse(source)),)
 
 
 def texts(node: ast.AST | None) -> list[str]:

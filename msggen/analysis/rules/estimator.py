@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.analysis.finding import FlightRule, Seen
 from msggen.base.diagnostics import counted
-from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -89,9 +88,7 @@ RULES = (
     FlightRule(
         "INNOVATIONS_REJECTED",
         "the estimator rejected measurements of a sensor for a second or more",
-        Category.FLIGHT,
         _rejected,
-        severity=Severity.WARNING,
         needs=(tuple(f"estimator_status.{name}_test_ratio" for name in _TESTED),),
         uses=("vehicle_status", "actuator_armed", "estimator_selector_status"),
         fix="Look at the innovations in the report. Check the sensor: a compass near power lines, a GPS antenna "
@@ -102,9 +99,7 @@ RULES = (
     FlightRule(
         "ESTIMATE_RESET",
         "an estimate jumped in flight",
-        Category.FLIGHT,
         _resets,
-        severity=Severity.WARNING,
         needs=(tuple(f"{_LOCAL}.{reset.counter}" for reset in _RESETS),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Nothing for a single reset after takeoff. Repeated ones follow rejected measurements, or a sensor that "

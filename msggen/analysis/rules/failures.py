@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
 from msggen.base.diagnostics import counted, few
-from msggen.check.finding import Category, Severity
+from msggen.check.finding import Severity
 from msggen.messages.vehicle_types import ROVER
 
 if TYPE_CHECKING:
@@ -123,9 +123,7 @@ RULES = (
     FlightRule(
         "IN_FAILSAFE",
         "PX4 was in failsafe",
-        Category.FLIGHT,
         _failsafes,
-        severity=Severity.WARNING,
         needs=(("vehicle_status.failsafe",),),
         uses=(_FLAGS,),
         fix="Look at the texts and events before it, which name the cause, and at the flags of `failsafe_flags`.",
@@ -136,8 +134,8 @@ RULES = (
     FlightRule(
         "FLIGHT_STOPPED",
         "the motors were stopped by the kill switch, by termination, or by disarming in the air",
-        Category.FLIGHT,
         _killed,
+        severity=Severity.ERROR,
         needs=(("actuator_armed.armed", "vehicle_status.arming_state"),),
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="If nobody wanted it, check the switch and its channel (RC_MAP_KILL_SW), and what may terminate a flight: "
@@ -148,8 +146,8 @@ RULES = (
     FlightRule(
         "FAILURE_DETECTED",
         "PX4's failure detector reported a failure in flight",
-        Category.FLIGHT,
         _failures,
+        severity=Severity.ERROR,
         needs=(("failure_detector_status",),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Check motors, propellers and ESCs. FD_FAIL_R and FD_FAIL_P are the largest angles, and CBRK_FLIGHTTERM "

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted
-from msggen.check.finding import Category, Severity
+from msggen.check.finding import Severity
+from msggen.messages.earth import RADIUS
 from msggen.messages.gps import HAS_FIX
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
+    from msggen.analysis.recorded import Column
 
 _TOPICS = "sensor_gps", "vehicle_gps_position"
-_LATITUDES = "latitude_deg", "lat"
-"""The names of the latitude: in degrees, and in 1e-7 degrees."""
+_POSITIONS = (("latitude_deg", "longitude_deg", 1.0), ("lat", "lon", 1e-7))
+"""The names of latitude and longitude, and their scale in degrees."""
 _JUMP, _ACCURACIES, _LONGEST = 5.0, 3.0, 2.0
 """How far a position may jump, in m and in times of its accuracy, and the longest time in s between two positions."""
 
@@ -58,14 +60,37 @@ def _reported(field: str, word: str, flight: Flight) -> Iterator[Seen]:
             yield Seen(text, stretch.begin, stretch.end, {"receiver": instance, "reported_s": stretch.seconds})
 
 
+def _ways(flight: Flight, topic: str, instance: int) -> Column | None:
+    """Return how many m each position is away from the one before, less the way at the speed that is told.
+
+    NaN where there is no fix, and for positions that are far apart in time. None without positions.
+    """
+    import numpy as np
+
+    for latitude_name, longitude_name, scale in _POSITIONS:
+        latitude, longitude, fix, speed = (
+            flight.recorded.column(topic, name, instance)
+            for name in (latitude_name, longitude_name, "fix_type", "vel_m_s")
+        )
+        if latitude is None or longitude is None:
+            continue
+        latitude = latitude.where(fix._replace(values=fix.values - (HAS_FIX - 1)) if fix else None)
+        north, east = (np.radians(each.values * scale) for each in (latitude, longitude))
+        turn = (np.diff(east) + np.pi) % (2 * np.pi) - np.pi  # across the date line, too
+        ways = RADIUS * np.hypot(np.diff(north), turn * np.cos(north[:-1]))
+        steps = np.diff(latitude.times)
+        told = np.nan_to_num(speed.at(latitude.times)) if speed is not None else np.zeros(len(latitude.times))
+        rest = np.where(steps <= _LONGEST, ways - np.maximum(told[1:], told[:-1]) * steps, np.nan)
+        return latitude._replace(values=np.concatenate(([np.nan], rest)), is_held=False)
+    return None
+
+
 def _jumped(flight: Flight) -> Iterator[Seen]:
     import numpy as np
 
-    from msggen.analysis.places import jumps_of
-
     least = max(flight.parameter("COM_POS_FS_EPH", _JUMP), _JUMP)
     for name, topic, instance in _receivers(flight):
-        found = jumps_of(flight, topic, instance, _LONGEST)
+        found = _ways(flight, topic, instance)
         if not found:
             continue
         accuracy = flight.recorded.column(topic, "eph", instance)
@@ -84,9 +109,7 @@ RULES = (
     FlightRule(
         "GPS_FIX_LOST",
         "the GPS lost its fix in flight, or sent nothing",
-        Category.FLIGHT,
         _lost,
-        severity=Severity.WARNING,
         needs=(_fields("fix_type"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, away from cameras, radios and USB cables.",
@@ -96,9 +119,7 @@ RULES = (
     FlightRule(
         "GPS_JAMMED",
         "the GPS reports jamming",
-        Category.FLIGHT,
         partial(_reported, "jamming_state", "jamming"),
-        severity=Severity.WARNING,
         needs=(_fields("jamming_state"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Look for a source on the vehicle, such as a transmitter of video, USB 3 or a switching regulator. If it "
@@ -109,8 +130,8 @@ RULES = (
     FlightRule(
         "GPS_SPOOFED",
         "the GPS reports that its signals are not those of satellites",
-        Category.FLIGHT,
         partial(_reported, "spoofing_state", "spoofing"),
+        severity=Severity.ERROR,
         needs=(_fields("spoofing_state"),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Do not trust the position. Fly without GPS there, or not at all.",
@@ -120,10 +141,8 @@ RULES = (
     FlightRule(
         "GPS_JUMPED",
         "the position of the GPS jumped farther than its speed explains",
-        Category.FLIGHT,
         _jumped,
-        severity=Severity.WARNING,
-        needs=(tuple(path for name in _LATITUDES for path in _fields(name)),),
+        needs=(tuple(path for name, *_ in _POSITIONS for path in _fields(name)),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Give the antenna a free view of the sky, look for sources of jamming, and do not fly close to buildings.",
         source="COM_POS_FS_EPH, 5 m at least, and 3 times the accuracy that the receiver tells at both positions",

@@ -7,7 +7,6 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
-from msggen.check.finding import Category, Severity
 from msggen.messages.vehicle_types import FIXED_WING
 
 if TYPE_CHECKING:
@@ -92,9 +91,7 @@ RULES = (
     FlightRule(
         "LANDING_HARD",
         "the vehicle touched the ground fast or with a shock",
-        Category.FLIGHT,
         _hard,
-        severity=Severity.WARNING,
         needs=(("vehicle_land_detected.landed",), ("vehicle_local_position.vz",)),
         uses=("vehicle_status", "actuator_armed", "vehicle_local_position", *(topic for topic, _ in _SENSORS)),
         fix="Look for damage. Lower MPC_LAND_SPEED, add a distance sensor, or check the height estimate if the vehicle "

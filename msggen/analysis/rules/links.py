@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted
-from msggen.check.finding import Category, Severity
 from msggen.messages.nav_states import OFFBOARD
 
 if TYPE_CHECKING:
@@ -89,9 +88,7 @@ RULES = (
     FlightRule(
         "MANUAL_CONTROL_LOST",
         "the remote control or joystick was lost in flight",
-        Category.FLIGHT,
         partial(_lost, _MANUAL, "remote control", "NAV_RCL_ACT", 2),
-        severity=Severity.WARNING,
         needs=(_MANUAL,),
         uses=("vehicle_status", "actuator_armed"),
         fix="Check antennas, range and interference. NAV_RCL_ACT is what the vehicle does, COM_RC_LOSS_T after which "
@@ -102,9 +99,7 @@ RULES = (
     FlightRule(
         "GROUND_STATION_LOST",
         "the connection to the ground station was lost in flight",
-        Category.FLIGHT,
         partial(_lost, _GROUND, "ground station", "NAV_DLL_ACT", 0),
-        severity=Severity.WARNING,
         needs=(_GROUND,),
         uses=("vehicle_status", "actuator_armed"),
         fix="Check the telemetry radio, its antennas and its range. NAV_DLL_ACT is what the vehicle does, "
@@ -115,9 +110,7 @@ RULES = (
     FlightRule(
         "OFFBOARD_LOST",
         "Offboard mode lost its setpoints: a program stopped sending, or an estimate that they need was missing",
-        Category.FLIGHT,
         _offboard_lost,
-        severity=Severity.WARNING,
         needs=(
             ("failsafe_flags.offboard_control_signal_lost", "vehicle_status.offboard_control_signal_lost"),
             ("vehicle_status.nav_state",),
@@ -131,9 +124,7 @@ RULES = (
     FlightRule(
         "SETPOINTS_RARE",
         "a program in Offboard mode sent too rarely",
-        Category.FLIGHT,
         _late,
-        severity=Severity.WARNING,
         needs=(_SENT, ("vehicle_status.nav_state",)),
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="Send offboard_control_mode and setpoints from a timer, at 10 Hz or more, and not from a callback that may "

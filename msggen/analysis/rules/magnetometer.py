@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
-from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -74,9 +73,7 @@ RULES = (
     FlightRule(
         "MAG_DISTURBED",
         "the strength of the magnetic field was not that of the place",
-        Category.FLIGHT,
         _disturbed,
-        severity=Severity.WARNING,
         needs=(("estimator_status.mag_strength_ref_gs", "estimator_status_flags.cs_mag_field_disturbed"),),
         uses=(
             "vehicle_status",
@@ -93,9 +90,7 @@ RULES = (
     FlightRule(
         "MAG_FOLLOWS_THRUST",
         "the magnetic field follows the thrust: the currents of the motors disturb the compass",
-        Category.FLIGHT,
         _follows,
-        severity=Severity.WARNING,
         needs=(("vehicle_magnetometer.magnetometer_ga[0]",), ("vehicle_thrust_setpoint.xyz[0]",)),
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="Mount the compass away from the cables of battery and motors, twist them, or set "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import few
-from msggen.check.finding import Category, Severity
+from msggen.check.finding import Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight, Spans
@@ -139,9 +139,7 @@ RULES = (
     FlightRule(
         "MOTOR_SATURATED",
         "a motor of a multicopter was at its limit for long, so the vehicle could not be controlled",
-        Category.FLIGHT,
         _saturated,
-        severity=Severity.WARNING,
         needs=(("actuator_motors",),),
         uses=("vehicle_status", "actuator_armed"),
         fix="The vehicle is too heavy, its battery too weak, a propeller or motor is damaged, or its gains are too "
@@ -153,8 +151,8 @@ RULES = (
     FlightRule(
         "MOTOR_STOPPED",
         "the output of a motor of a multicopter fell to zero in flight while others turned",
-        Category.FLIGHT,
         _stopped,
+        severity=Severity.ERROR,
         needs=(("actuator_motors",),),
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected"),
         fix="PX4 stops a motor that its failure detector takes for failed (FD_ACT_EN, CA_FAILURE_MODE), and control "
@@ -166,8 +164,8 @@ RULES = (
     FlightRule(
         "ESC_FAILED",
         "a motor controller reports a failure, is offline, or its motor stands, in flight",
-        Category.FLIGHT,
         _escs,
+        severity=Severity.ERROR,
         needs=(("esc_status",),),
         uses=("vehicle_status", "actuator_armed", "vehicle_land_detected", "actuator_motors"),
         fix="Do not fly before the ESC, its cables, the motor and the propeller are checked.",

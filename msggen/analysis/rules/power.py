@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
-from msggen.check.finding import Category, Severity
+from msggen.check.finding import Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -151,9 +151,7 @@ RULES = (
     FlightRule(
         "BATTERY_LOW",
         "a battery was nearly empty",
-        Category.FLIGHT,
         partial(_each, _low),
-        severity=Severity.WARNING,
         needs=(("battery_status.remaining",),),
         uses=("vehicle_status",),
         fix="Land earlier, or set COM_LOW_BAT_ACT, the failsafe that does so. Check BAT1_CAPACITY and the calibration "
@@ -164,9 +162,7 @@ RULES = (
     FlightRule(
         "BATTERY_SAG",
         "the voltage of a battery fell below that of an empty one under load",
-        Category.FLIGHT,
         partial(_each, _sag),
-        severity=Severity.WARNING,
         needs=(("battery_status.voltage_v",),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Use a battery with a higher rate of discharge or more capacity, or replace an old or a cold one. Check "
@@ -177,9 +173,7 @@ RULES = (
     FlightRule(
         "BATTERY_RESISTANCE",
         "a battery has a high internal resistance: its voltage falls much with the current",
-        Category.FLIGHT,
         partial(_each, _resistance),
-        severity=Severity.WARNING,
         needs=(("battery_status.voltage_v",), ("battery_status.current_a",)),
         uses=("vehicle_status", "actuator_armed"),
         fix="Replace the battery, or check plugs and cables: their resistance counts, too.",
@@ -190,9 +184,7 @@ RULES = (
     FlightRule(
         "SUPPLY_VOLTAGE",
         "the supply of the flight controller was not near 5 V",
-        Category.FLIGHT,
         _rail,
-        severity=Severity.WARNING,
         needs=(("system_power.voltage5v_v",),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Check the power module and its cable. Supply servos and companion computers from another regulator.",
@@ -202,8 +194,8 @@ RULES = (
     FlightRule(
         "POWER_LOST",
         "the recording ends in the air while a voltage falls: the power failed",
-        Category.FLIGHT,
         _lost,
+        severity=Severity.ERROR,
         needs=(("vehicle_land_detected.landed",), ("system_power.voltage5v_v", "battery_status.voltage_v")),
         uses=("vehicle_status", "actuator_armed", "battery_status", "system_power"),
         fix="Check the battery, its plug, the power module and its cable before the next flight.",

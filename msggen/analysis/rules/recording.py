@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted, few
 from msggen.base.recording_formats import FORMATS
-from msggen.check.finding import Category, Severity
+from msggen.check.finding import Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -114,8 +114,8 @@ RULES = (
     FlightRule(
         "LOG_DAMAGED",
         "parts of the recording cannot be read",
-        Category.FLIGHT,
         _damage,
+        severity=Severity.ERROR,
         fix="Read the list of problems: `msggen log info`. What can be read is told; what is missing may have been "
         "worse. Write the readable part with `msggen log mcap repair` or `msggen log convert`.",
         example="the recording is damaged: 1 problem",
@@ -123,8 +123,8 @@ RULES = (
     FlightRule(
         "HARD_FAULT",
         "the firmware crashed before the recording began",
-        Category.FLIGHT,
         _hard_fault,
+        severity=Severity.ERROR,
         fix="Do not fly before the cause is known. `log.information['hardfault_plain']` has the text: PX4's "
         "developers need it, with the firmware's ELF file.",
         example="the firmware crashed before this log: it has the text of a hard fault",
@@ -132,9 +132,7 @@ RULES = (
     FlightRule(
         "LOG_DROPOUTS",
         "the logger lost samples, because the storage was too slow",
-        Category.FLIGHT,
         _dropouts,
-        severity=Severity.WARNING,
         fix="Use a faster SD card, format it, or log fewer topics, which SDLOG_PROFILE selects.",
         source="the dropouts that PX4's logger writes into the log. A note below 0.1 s in all",
         example="2 dropouts of the logger: 0.30 s are missing, at most 0.20 s at a time",
@@ -142,9 +140,7 @@ RULES = (
     FlightRule(
         "LOG_TIME_JUMPS",
         "the log times step back, or no topic has a sample for long",
-        Category.FLIGHT,
         _jumps,
-        severity=Severity.WARNING,
         fix="Do not trust durations, rates and gaps of this recording. If a computer recorded it, set its clock "
         "before, and not meanwhile; or the recorder or the link stood still.",
         source="steps back of 1 s or more of the topic with the most samples; more than 10 s without a sample of any "
@@ -154,9 +150,7 @@ RULES = (
     FlightRule(
         "LOG_ENDS_IN_AIR",
         "the recording ends while the vehicle is armed and has not landed",
-        Category.FLIGHT,
         _end,
-        severity=Severity.WARNING,
         needs=(("vehicle_land_detected.landed",), ("vehicle_status.arming_state", "actuator_armed.armed")),
         uses=("vehicle_local_position",),
         fix="If the vehicle crashed, the last seconds tell why, and the power may have failed. If not, the storage "
@@ -166,26 +160,22 @@ RULES = (
     FlightRule(
         "ERRORS_LOGGED",
         "the vehicle logged texts or events from `error` on",
-        Category.FLIGHT,
         partial(_texts, _SEVERE),
+        severity=Severity.ERROR,
         fix="Read the texts and events in their order: `msggen log show`, or the table in the report.",
         example="2 errors in the vehicle's log: Failsafe activated and Motor failure",
     ),
     FlightRule(
         "WARNINGS_LOGGED",
         "the vehicle logged texts or events of the level `warning`",
-        Category.FLIGHT,
         partial(_texts, ("warning",)),
-        severity=Severity.WARNING,
         fix="Read the texts and events in their order: `msggen log show`, or the table in the report.",
         example="1 warning in the vehicle's log: Low battery",
     ),
     FlightRule(
         "PARAMETERS_CHANGED",
         "parameters changed during the recording",
-        Category.FLIGHT,
         _parameters,
-        severity=Severity.WARNING,
         fix="Compare the flight before and after the change apart.",
         example="parameters changed during the log: MPC_XY_CRUISE",
     ),

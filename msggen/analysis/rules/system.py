@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
-from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -30,9 +29,7 @@ RULES = (
     FlightRule(
         "CPU_LOAD_HIGH",
         "the processor of the flight controller was nearly full",
-        Category.FLIGHT,
         partial(_used, "load", "the load of the CPU", "COM_CPU_MAX", 2.0),
-        severity=Severity.WARNING,
         needs=(("cpuload.load",),),
         fix="Stop modules that are not needed, lower IMU_GYRO_RATEMAX or the rates of telemetry and logging.",
         source="COM_CPU_MAX, 95 % by default, for 2 s, over which PX4 averages",
@@ -41,9 +38,7 @@ RULES = (
     FlightRule(
         "MEMORY_LOW",
         "the memory of the flight controller was nearly full",
-        Category.FLIGHT,
         partial(_used, "ram_usage", "the used memory", "COM_RAM_MAX", 0.0),
-        severity=Severity.WARNING,
         needs=(("cpuload.ram_usage",),),
         fix="Stop modules that are not needed: PX4 ends with an error where memory is missing.",
         source="COM_RAM_MAX, 95 % by default",

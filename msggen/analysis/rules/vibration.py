@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
 from msggen.base.diagnostics import counted
-from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -44,9 +43,7 @@ RULES = (
     FlightRule(
         "VIBRATION_HIGH",
         "an accelerometer vibrates so much that the estimate suffers",
-        Category.FLIGHT,
         _high,
-        severity=Severity.WARNING,
         needs=(("vehicle_imu_status.accel_vibration_metric",),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Balance propellers and motors, look for loose parts and cables, and mount the flight controller softly.",
@@ -56,9 +53,7 @@ RULES = (
     FlightRule(
         "ACCEL_CLIPPED",
         "an accelerometer reached the end of its range",
-        Category.FLIGHT,
         _clipped,
-        severity=Severity.WARNING,
         needs=(("vehicle_imu_status.accel_clipping[0]",),),
         uses=("vehicle_status", "actuator_armed"),
         fix="Treat it as severe vibration: the estimate of velocity and height is wrong where values are cut off.",

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
-from msggen.check.finding import Category, Severity
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight
@@ -41,9 +40,7 @@ RULES = (
     FlightRule(
         "WIND_HIGH",
         "the wind was stronger than its limit",
-        Category.FLIGHT,
         _high,
-        severity=Severity.WARNING,
         needs=(("wind.windspeed_north",), ("wind.windspeed_east",)),
         uses=("vehicle_status", "actuator_armed"),
         fix="Land earlier. COM_WIND_MAX_ACT is the failsafe that does so.",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error, printable
 from msggen.base.exit_codes import DONE
-from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals, check_package
+from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import non_empty
@@ -68,8 +68,6 @@ def add_to(commands: Commands) -> None:
 def _relay(options: argparse.Namespace) -> int:
     _check_ros(needs_types=not options.standard)
     with connection(options) as found:
-        if options.standard:
-            check_package(found)
         _run(options, found)
     return DONE
 

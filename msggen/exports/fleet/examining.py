@@ -7,17 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from msggen.analysis.document import document_of, examined
-from msggen.base.diagnostics import either
-from msggen.base.recording_formats import FORMATS
 from msggen.exports.fleet.batch import text_of
-from msggen.exports.fleet.finding import Found, at_hand, digest_of, find_recordings
+from msggen.exports.fleet.finding import Found, at_hand, checked, digest_of, find_recordings
 from msggen.exports.fleet.layout import name_of
 from msggen.exports.fleet.listing import State
-from msggen.exports.fleet.planning import state_if_any
+from msggen.exports.fleet.planning import digest_if_any, state_if_any
 from msggen.exports.fleet.pools import results_of
 from msggen.exports.fleet.records import decoded, original_of
 from msggen.exports.fleet.storage import absolute, storage_of
-from msggen.recordings.source.source import RecordingError
 
 _KILLED = "the process that examined it was killed"
 
@@ -40,10 +37,7 @@ def work_in(folder: str, lines: Sequence[Mapping[str, Any]]) -> Work:
 
     Raises RecordingError if there is no recording, OSError, and StoreError.
     """
-    found = _recordings(absolute(folder))
-    if not found:
-        suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
-        raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
+    found = checked(_recordings(absolute(folder)))
     states = {each.path: state_if_any(each.path) for each in found if not each.error}
     done = {(line["recording"], line.get("size"), line.get("changed")) for line in lines}
     waiting = {path: state for path, state in states.items() if (path, *(state or (None, None))) not in done}
@@ -52,7 +46,7 @@ def work_in(folder: str, lines: Sequence[Mapping[str, Any]]) -> Work:
     sizes.update({line.get("size", -1) for line in lines if "digest" in line})
     for path, state in [*waiting.items()]:
         if state and sizes[state.size] > 1:
-            digest = _digest(path)
+            digest = digest_if_any(path)
             if digest and digest in digests:
                 del waiting[path]
             digests.add(digest)
@@ -66,13 +60,6 @@ def _recordings(folder: str) -> list[Found]:
     if content is not None:
         return [Found(original_of(record)) for record in decoded(content.data).records]
     return list(find_recordings(folder))
-
-
-def _digest(path: str) -> str:
-    try:
-        return digest_of(path)
-    except OSError:  # its examination tells it
-        return ""
 
 
 def examine_all(work: Work, jobs: int) -> Iterator[dict[str, Any]]:

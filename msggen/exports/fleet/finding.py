@@ -8,9 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
+from msggen.base.diagnostics import either
 from msggen.base.disk.urls import is_address
+from msggen.base.recording_formats import FORMATS
 from msggen.exports.fleet.listing import State, copied, find_stored, is_listed, listed_state
 from msggen.recordings.files.paths import is_always_whole, is_bag, is_named_as_recording
+from msggen.recordings.source.source import RecordingError
 
 _BLOCK = 1 << 20
 
@@ -64,6 +67,14 @@ def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
                 yield from _found(entry)
         except OSError as error:
             yield Found(entry.path, f"cannot be read: {error.strerror}")
+
+
+def checked(found: list[Found]) -> list[Found]:
+    """Return what was found below a folder. Raises RecordingError if that is nothing."""
+    if not found:
+        suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
+        raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
+    return found
 
 
 def _opened(folder: str) -> _Folder:

@@ -250,11 +250,8 @@ def _tables_of_arrow(path: str) -> Iterator[Any]:
     with open(path, "rb") as file:
         reader = pa.ipc.open_file(file)
         for index in range(reader.num_record_batches):
-            yield _renamed(pa.Table.from_batches([reader.get_batch(index)]))
-
-
-def _renamed(table: Any) -> Any:
-    return table.rename_columns(without_keys(table.schema).names)
+            table = pa.Table.from_batches([reader.get_batch(index)])
+            yield table.rename_columns(without_keys(table.schema).names)
 
 
 class _Group(NamedTuple):

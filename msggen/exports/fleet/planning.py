@@ -102,14 +102,15 @@ def _digests(states: Mapping[str, State | None], fleet: Fleet) -> dict[str, str]
         path for path, state in states.items() if state is not None and (sizes[state.size] > 1 or state.size in known)
     ]
     with ThreadPoolExecutor() as threads:
-        found = dict(zip(paths, threads.map(_digest, paths), strict=True))
+        found = dict(zip(paths, threads.map(digest_if_any, paths), strict=True))
     return {path: digest for path, digest in found.items() if digest}
 
 
-def _digest(path: str) -> str:
+def digest_if_any(path: str) -> str:
+    """Return the digest of a recording, "" if it cannot be read."""
     try:
         return digest_of(path)
-    except OSError:  # its conversion tells it
+    except OSError:  # its conversion, or its examination, tells it
         return ""
 
 

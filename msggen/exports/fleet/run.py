@@ -11,25 +11,21 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.base.diagnostics import either
 from msggen.base.missing import RECORDINGS, installed_by
-from msggen.base.recording_formats import FORMATS
 from msggen.exports.fleet import pools
 from msggen.exports.fleet.batch import Batch, Outcome, Task
-from msggen.exports.fleet.finding import Found, find_recordings, is_there
+from msggen.exports.fleet.finding import Found, checked, find_recordings, is_there
 from msggen.exports.fleet.fleet import REPORT, Fleet, opened_fleet, with_files
 from msggen.exports.fleet.layout import KEYS, topic_of
 from msggen.exports.fleet.parts import Files
 from msggen.exports.fleet.planning import plan_of, tasks_of
 from msggen.exports.fleet.records import Record, original_of
 from msggen.exports.fleet.storage import absolute
-from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.exports.fleet.fleet import Fleet, Written
+    from msggen.exports.fleet.fleet import Written
     from msggen.exports.fleet.planning import Plan
     from msggen.exports.fleet.pools import Pool
-    from msggen.exports.fleet.records import Record
 
 
 class Progress(NamedTuple):
@@ -149,10 +145,7 @@ def update(
     with installed_by(RECORDINGS):
         import pyarrow  # noqa: F401, ICN001
     folder, fleet = absolute(folder), absolute(fleet)
-    found = list(find_recordings(folder, without=fleet))
-    if not found:
-        suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
-        raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
+    found = checked(list(find_recordings(folder, without=fleet)))
     with opened_fleet(fleet, by) as own:
         summary = _updated(found, own, pool, progress)
         own.storage.write(REPORT, (json.dumps(summary.document(), indent=1) + "\n").encode())

@@ -21,7 +21,7 @@ from msggen.exports.report.charts import Chart, Charts, Flags, Row, Section, Tim
 from msggen.exports.report.drawing import Drawing, drawing_of_flights
 from msggen.exports.report.page import MOST_ROWS, NOTHING, Shell, Shown, Strip, strip_of, template_of
 from msggen.exports.report.plans import is_needed
-from msggen.exports.report.tables import number
+from msggen.exports.report.tables import value_text
 from msggen.messages.earth import local
 from msggen.recordings.source.source import RecordingError
 
@@ -104,7 +104,8 @@ class Both(Shell):
     def parameters(self) -> Shown:
         """The first parameters that differ, as texts."""
         rows = [
-            each._replace(first=_text(each.first), second=_text(each.second)) for each in self.comparison.parameters
+            each._replace(first=value_text(each.first), second=value_text(each.second))
+            for each in self.comparison.parameters
         ]
         return Shown(rows[:MOST_ROWS], len(rows))
 
@@ -252,7 +253,3 @@ def _line(line: drawn.Line, place: int, moment: float) -> drawn.Line:
 
 def _row(row: Row, place: int, moment: float) -> Row:
     return Row(f"{SIDES[place]} {row.name}", [(begin - moment, end - moment) for begin, end in row.spans])
-
-
-def _text(value: str | float | None) -> str:
-    return "-" if value is None else value if isinstance(value, str) else number(value)

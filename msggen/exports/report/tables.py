@@ -69,6 +69,11 @@ def number(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:.7g}"
 
 
+def value_text(value: str | float | None) -> str:
+    """Return a value of one of two flights as it is shown: `-` if that flight does not tell it."""
+    return "-" if value is None else value if isinstance(value, str) else number(value)
+
+
 def topics_of(log: Log) -> list[TopicRow]:
     """Return the topics that have samples."""
     found = []

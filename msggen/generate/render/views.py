@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import ClassVar, TypeVar
 
 from msggen.definitions.enumeration import Enumeration, enumerations
@@ -65,6 +66,12 @@ class ViewList(tuple[_T, ...]):
         raise NotTextError("a list is not text: loop over it")
 
 
+def _fact(_: type[_T], path: str, doc: str) -> _T:
+    """Return a property with what the model of a view has at a path, such as `entry.direction`."""
+    found: _T = property(attrgetter(f"_model.{path}"), doc=doc)  # type: ignore[assignment]
+    return found
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CatalogView(_View):
     """All definitions of a firmware and of further packages."""
@@ -73,15 +80,8 @@ class CatalogView(_View):
     _model: Catalog
     _views: Views
 
-    @property
-    def package(self) -> str:
-        """The ROS 2 package of the firmware's messages."""
-        return self._model.package
-
-    @property
-    def release(self) -> str:
-        """The release whose conventions determine names and ids."""
-        return self._model.conventions.release
+    package = _fact(str, "package", "The ROS 2 package of the firmware's messages.")
+    release = _fact(str, "conventions.release", "The release whose conventions determine names and ids.")
 
     @cached_property
     def messages(self) -> ViewList[MessageView]:
@@ -114,20 +114,9 @@ class _Definition(_View):
 
     _model: Message | Service
 
-    @property
-    def name(self) -> str:
-        """The name: `VehicleStatus`, `VehicleCommand`."""
-        return self._model.name
-
-    @property
-    def package(self) -> str:
-        """The ROS package: `px4_msgs`."""
-        return self._model.package
-
-    @property
-    def comment(self) -> str:
-        """The comment about the definition as a whole."""
-        return self._model.comment
+    name = _fact(str, "name", "The name: `VehicleStatus`, `VehicleCommand`.")
+    package = _fact(str, "package", "The ROS package: `px4_msgs`.")
+    comment = _fact(str, "comment", "The comment about the definition as a whole.")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,15 +126,8 @@ class MessageView(_Definition):
     _model: Message
     _views: Views
 
-    @property
-    def ros_type(self) -> str:
-        """The ROS 2 type: `px4_msgs/msg/VehicleStatus`."""
-        return self._model.ros_type
-
-    @property
-    def dds_type(self) -> str:
-        """The DDS type: `px4_msgs::msg::dds_::VehicleStatus_`."""
-        return self._model.dds_type
+    ros_type = _fact(str, "ros_type", "The ROS 2 type: `px4_msgs/msg/VehicleStatus`.")
+    dds_type = _fact(str, "dds_type", "The DDS type: `px4_msgs::msg::dds_::VehicleStatus_`.")
 
     @cached_property
     def fields(self) -> ViewList[FieldView]:
@@ -201,20 +183,11 @@ class MessageView(_Definition):
             for leaf, other in pairs
         )
 
-    @property
-    def message_version(self) -> int:
-        """The value of MESSAGE_VERSION, or 0."""
-        return self._model.message_version
-
-    @property
-    def condition(self) -> str:
-        """The condition under which `msg/CMakeLists.txt` lists the message, in CMake's syntax, or ""."""
-        return self._model.condition
-
-    @property
-    def is_versioned(self) -> bool:
-        """Whether the definition has MESSAGE_VERSION."""
-        return self._model.is_versioned
+    message_version = _fact(int, "message_version", "The value of MESSAGE_VERSION, or 0.")
+    condition = _fact(
+        str, "condition", 'The condition under which `msg/CMakeLists.txt` lists the message, in CMake\'s syntax, or "".'
+    )
+    is_versioned = _fact(bool, "is_versioned", "Whether the definition has MESSAGE_VERSION.")
 
     @cached_property
     def message_hash(self) -> int:
@@ -232,10 +205,7 @@ class MessageView(_Definition):
         found = (self._views.topics.get(name) for name in self._model.topic_names)
         return ViewList(topic for topic in found if topic and topic.message is self)
 
-    @property
-    def queue_length(self) -> int:
-        """The length of the uORB queue: ORB_QUEUE_LENGTH, or 1."""
-        return self._model.queue_length
+    queue_length = _fact(int, "queue_length", "The length of the uORB queue: ORB_QUEUE_LENGTH, or 1.")
 
     @cached_property
     def endpoints(self) -> ViewList[EndpointView]:
@@ -289,20 +259,16 @@ class _Described(_View):
 
     _model: Field | Constant
 
-    @property
-    def name(self) -> str:
-        """The name: `gyro_rad`, `CLIPPING_X`."""
-        return self._model.name
+    name = _fact(str, "name", "The name: `gyro_rad`, `CLIPPING_X`.")
 
     @property
     def type(self) -> str:
         """The type, spelled as in the definition: `float32[3]`."""
         return str(self._model.type)
 
-    @property
-    def base(self) -> str:
-        """The type of one value, without package and bound: `float32`, `string`, `EscReport`."""
-        return self._model.type.name
+    base = _fact(
+        str, "type.name", "The type of one value, without package and bound: `float32`, `string`, `EscReport`."
+    )
 
     @property
     def cpp_base(self) -> str:
@@ -377,10 +343,7 @@ class FieldView(_Described):
         """Whether `array` is not `scalar`."""
         return self._model.type.array is not ArrayKind.SCALAR
 
-    @property
-    def length(self) -> int:
-        """The N of a fixed or bounded array, else 0."""
-        return self._model.type.length
+    length = _fact(int, "type.length", "The N of a fixed or bounded array, else 0.")
 
     @property
     def string_bound(self) -> int | None:
@@ -433,20 +396,9 @@ class TopicView(_View):
     _model: UorbTopic
     _views: Views
 
-    @property
-    def name(self) -> str:
-        """The name: `vehicle_odometry`."""
-        return self._model.name
-
-    @property
-    def orb_id(self) -> int:
-        """The position in the list of all topics, sorted by name."""
-        return self._model.orb_id
-
-    @property
-    def condition(self) -> str:
-        """The condition under which `msg/CMakeLists.txt` lists its message, or ""."""
-        return self._model.condition
+    name = _fact(str, "name", "The name: `vehicle_odometry`.")
+    orb_id = _fact(int, "orb_id", "The position in the list of all topics, sorted by name.")
+    condition = _fact(str, "condition", 'The condition under which `msg/CMakeLists.txt` lists its message, or "".')
 
     @property
     def message(self) -> MessageView:
@@ -467,20 +419,9 @@ class EndpointView(_View):
     _model: Endpoint
     _views: Views
 
-    @property
-    def ros_name(self) -> str:
-        """The ROS 2 name: `/fmu/out/vehicle_status_v1`."""
-        return self._model.ros_name
-
-    @property
-    def dds_name(self) -> str:
-        """The DDS name: `rt/fmu/out/vehicle_status_v1`."""
-        return self._model.dds_name
-
-    @property
-    def direction(self) -> str:
-        """The direction, seen from the vehicle: `out` or `in`."""
-        return self._model.entry.direction.value
+    ros_name = _fact(str, "ros_name", "The ROS 2 name: `/fmu/out/vehicle_status_v1`.")
+    dds_name = _fact(str, "dds_name", "The DDS name: `rt/fmu/out/vehicle_status_v1`.")
+    direction = _fact(str, "entry.direction.value", "The direction, seen from the vehicle: `out` or `in`.")
 
     @property
     def message(self) -> MessageView:
@@ -492,10 +433,7 @@ class EndpointView(_View):
         """The uORB topic of the endpoint."""
         return self._views.topics[self._model.entry.uorb_topic]
 
-    @property
-    def object_id(self) -> int:
-        """The id in the XRCE client of the firmware."""
-        return self._model.object_id
+    object_id = _fact(int, "object_id", "The id in the XRCE client of the firmware.")
 
     @property
     def rate_limit_hz(self) -> float | None:

@@ -232,8 +232,8 @@ def _names_of(topics: Sequence[Topic]) -> list[str]:
     return [f"{name}_" if name == TIME else name for name in names]
 
 
-def rows_of(samples: Samples, indices: NDArray[Any]) -> Samples:
-    """Return some of the samples, by their indices or by an array of bools."""
+def rows_of(samples: Samples, indices: NDArray[Any] | slice) -> Samples:
+    """Return some of the samples, by their indices, by an array of bools or a slice."""
     rows = samples.array
     is_plain = rows.dtype.itemsize > 0 and not rows.dtype.hasobject
     # rows of bytes keep the padding, which numpy does not copy for structured arrays

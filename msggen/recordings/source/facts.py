@@ -63,8 +63,8 @@ class Dropout(NamedTuple):
     """In ns."""
 
 
-def _is_same(value: float, other: float) -> bool:
-    """Whether two values of a parameter are the same. NaN is the same as NaN."""
+def is_same(value: object, other: object) -> bool:
+    """Whether two values, as those of a parameter, are the same. NaN is the same as NaN."""
     return value == other or (value != value and other != other)  # noqa: PLR0124 - true for NaN alone
 
 
@@ -105,7 +105,7 @@ class Facts(NamedTuple):
 
     def _others(self, defaults: Mapping[str, int | float]) -> Mapping[str, int | float]:
         own = self.parameters
-        return {name: value for name, value in defaults.items() if name in own and not _is_same(own[name], value)}
+        return {name: value for name, value in defaults.items() if name in own and not is_same(own[name], value)}
 
 
 NO_FACTS = Facts({}, (), {}, {}, (), ())

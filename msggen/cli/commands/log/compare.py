@@ -96,24 +96,21 @@ def _lines(told: Told) -> Iterator[str]:
             yield printable(f"        {side} does not tell: {reason}")
 
 
-def _shown(value: Value) -> str:
-    from msggen.exports.report.tables import number
-
-    return "-" if value is None else value if isinstance(value, str) else number(value)
-
-
 def _rate(value: Value) -> str:
     return f"{value:.1f}"
 
 
-def _print_table(heading: str, rows: Sequence[Difference], form: Callable[[Value], str] = _shown) -> None:
+def _print_table(heading: str, rows: Sequence[Difference], form: Callable[[Value], str] | None = None) -> None:
+    from msggen.exports.report.tables import value_text
+
+    shown = form or value_text
     if rows:
         print()
         print_table(
             [
                 Column("", heading, lambda each: each.name),
-                Column("", "A", lambda each: form(each.first)),
-                Column("", "B", lambda each: form(each.second)),
+                Column("", "A", lambda each: shown(each.first)),
+                Column("", "B", lambda each: shown(each.second)),
             ],
             rows,
         )

@@ -163,12 +163,13 @@ def _nothing(options: argparse.Namespace, log: Log) -> str:
 
 def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[str]:
     from msggen.recordings.columns.text import CsvRows, Printer
+    from msggen.recordings.log.align import rows_of
 
     printer = Printer(topic)
     rows = CsvRows(printer, sql_names=options.sql_names, quotes_formulas=options.quote_formulas)
     left = options.count or sys.maxsize
     for piece in _pieces(log, topic, options.start, options.stop, min(left, _PIECE)):
-        samples = _first(piece, left).choose(options.field)
+        samples = (rows_of(piece, slice(left)) if len(piece) > left else piece).choose(options.field)
         seconds = ((samples.log_times - log.start) / 1e9).tolist()
         if options.csv:
             yield from rows.lines(seconds, samples)
@@ -199,21 +200,6 @@ def _pieces(log: Log, topic: Topic, start: float | None, stop: float | None, cou
         yield log.samples(topic, start=start, stop=end)
         start = end
     yield log.samples(topic, start=start, stop=stop)
-
-
-def _first(samples: Samples, count: int) -> Samples:
-    """Return at most `count` samples."""
-    from dataclasses import replace
-
-    if len(samples) <= count:
-        return samples
-    published = samples.publish_times
-    return replace(
-        samples,
-        array=samples.array[:count],
-        log_times=samples.log_times[:count],
-        publish_times=None if published is None else published[:count],
-    )
 
 
 def _params(options: argparse.Namespace, log: Log) -> Iterator[str]:

@@ -19,8 +19,8 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, 
 from msggen.cli.packages import needing
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
 from msggen.cli.screen import can_draw, held_warnings
-from msggen.cli.values import non_empty, positive
-from msggen.cli.watching import rounds, watching
+from msggen.cli.values import non_empty
+from msggen.cli.watching import add_window, rounds, watching
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from msggen.show.plot.fields import FieldPath, Number, Samples
     from msggen.vehicle.subscription import Subscription
 
-_WINDOW = 30.0
 _PERIOD = 0.25
 """The time in s after which the plot is drawn again,"""
 _PAUSE = 10
@@ -63,13 +62,7 @@ def add_to(actions: Commands) -> None:
     )
     add_shared(parser, "--field")
     add_picture(parser, "none; at the end, the plot of the last --window")
-    parser.add_argument(
-        "--window",
-        metavar="SECONDS",
-        type=positive,
-        default=f"{_WINDOW:g}",
-        help=f"plot the samples of this time (default: {_WINDOW:g})",
-    )
+    add_window(parser, "plot", 30.0)
     add_shared(parser, "--for", "-q, --quiet")
     add_link(parser)
 

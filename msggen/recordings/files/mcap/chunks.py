@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from msggen.recordings.files.compression import (
-    LARGEST,
-    CompressionError,
-    Room,
-    decompress_into,
-    prefix_of,
-)
+from msggen.recordings.files.compression import LARGEST, CompressionError, Room, decompress_into, prefix_of
 from msggen.recordings.files.mcap.records import Chunk, Loose, crc_of, fits
 from msggen.recordings.source.memory import drop_pages, large_empty
 
