@@ -19,7 +19,8 @@ from pygls.exceptions import JsonRpcException
 from msggen.base.diagnostics import CODES
 from msggen.cli import main
 from support.editor import Editor, edited, editor
-from support.firmware_trees import BRIDGE_PLACE, write_tree
+from support.examples import by_day
+from support.firmware_trees import BRIDGE_PLACE, write_small_tree, write_tree
 from support.packages import committed
 
 STATUS = Path("msg/versioned/VehicleStatus.msg")
@@ -36,9 +37,7 @@ def session() -> Iterator[Editor]:
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    write_tree(tmp_path / "px4", "v1.18")
-    committed(tmp_path / "px4")
-    return tmp_path / "px4"
+    return committed(write_small_tree(tmp_path / "px4", "v1.18"))
 
 
 def place(text: str, words: str) -> tuple[int, int]:
@@ -47,7 +46,10 @@ def place(text: str, words: str) -> tuple[int, int]:
     return before.count("\n"), len(before) - before.rfind("\n") - 1
 
 
-def test_problems_are_those_of_the_commands(session: Editor, tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_problems_are_those_of_the_commands(
+    session: Editor, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = committed(write_tree(tmp_path / "px4", "v1.18"))
     path = tree / ESC
     text = path.read_text().replace("uint8 esc_count", "uint8 esc_cuont # [@range 1, 0]\nfloat65 wrong")
     path.write_text(text)
@@ -274,7 +276,7 @@ def test_a_service_is_an_interface_of_two_halves(session: Editor, tree: Path) ->
 
 
 def test_two_trees_do_not_mix(session: Editor, tree: Path, tmp_path: Path) -> None:
-    other = write_tree(tmp_path / "other", "v1.15")
+    other = write_small_tree(tmp_path / "other", "v1.15")
     for folder, number in ((tree, "4"), (other, "")):
         path = next(folder.rglob("VehicleStatus.msg"))
         session.open(path)
@@ -343,9 +345,10 @@ def test_hostile_messages_do_not_end_the_server(tree: Path) -> None:
         assert session.hover(path, 0, 0)
 
 
-@pytest.mark.parametrize(
+@by_day(
     "garbage",
     [b"\0" * 1000, b"Content-Length: 10\r\n\r\n{", b"Content-Length: -1\r\n\r\n", b"Content-Length: 3\r\n\r\nabc"],
+    2,
 )
 def test_garbage_on_standard_input_is_no_trace(garbage: bytes) -> None:
     command = [sys.executable, "-m", "msggen", "lsp"]
