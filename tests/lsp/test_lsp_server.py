@@ -11,17 +11,23 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from lsprotocol import types as lsp
-from pygls.exceptions import JsonRpcException
 
 from msggen.base.diagnostics import CODES
 from msggen.cli import main
 from support.editor import Editor, edited, editor
 from support.examples import by_day
 from support.firmware_trees import BRIDGE_PLACE, write_small_tree, write_tree
+from support.lazy import Lazy
 from support.packages import committed
+
+if TYPE_CHECKING:
+    from lsprotocol import types as lsp
+    from pygls import exceptions
+else:
+    lsp, exceptions = Lazy("lsprotocol.types"), Lazy("pygls.exceptions")
 
 STATUS = Path("msg/versioned/VehicleStatus.msg")
 ODOMETRY = Path("msg/versioned/VehicleOdometry.msg")
@@ -156,7 +162,7 @@ def test_a_wrong_new_name_is_refused_with_the_reason(name: str, session: Editor,
     path = tree / ESC
     session.open(path)
     line, column = place(path.read_text(), "EscReport[")
-    with pytest.raises(JsonRpcException, match=r"CamelCase|already"):
+    with pytest.raises(exceptions.JsonRpcException, match=r"CamelCase|already"):
         session.rename(path, line, column, name)
 
 
@@ -338,9 +344,9 @@ def test_hostile_messages_do_not_end_the_server(tree: Path) -> None:
             document = lsp.TextDocumentIdentifier(uri)
             for position in (lsp.Position(0, 0), lsp.Position(10**9, 10**9)):
                 asked = session.client.text_document_hover_async(lsp.HoverParams(document, position))
-                with suppress(JsonRpcException):
+                with suppress(exceptions.JsonRpcException):
                     assert session.wait(asked) is None
-        with pytest.raises(JsonRpcException):
+        with pytest.raises(exceptions.JsonRpcException):
             session.ask("no/such", {"x": [1] * 1000})
         assert session.hover(path, 0, 0)
 
