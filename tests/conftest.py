@@ -11,6 +11,8 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
+from inspect import isfunction
+from itertools import compress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -44,8 +46,11 @@ settings.load_profile("msggen")
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Return the number of processes for `-n auto`. Tests of links mostly wait, as a real client takes its time."""
-    return 2 * (os.cpu_count() or 1)
+    """Return the number of processes for `-n auto`: one more than processors, because tests of links mostly wait.
+
+    Each further one would cost ten seconds of CPU, in which it imports all tests.
+    """
+    return 1 + (os.cpu_count() or 1)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -80,6 +85,7 @@ def pytest_collection(session: pytest.Session) -> None:
     In a fresh clone no file has been compiled, and all workers would compile all files at the same time. What cannot be
     imported is reported where it is collected.
     """
+    _let_examples_stay(session.config)
     worker = getattr(session.config, "workerinput", None)
     folder = Path(__file__).parent
     if worker is not None and [Path(each).resolve() for each in session.config.args] == [folder]:
@@ -90,6 +96,49 @@ def pytest_collection(session: pytest.Session) -> None:
                     sys.path.insert(0, str(path.parent))
                 with suppress(Exception, pytest.skip.Exception):
                     importlib.import_module(path.stem)
+
+
+def _let_examples_stay(config: pytest.Config) -> None:
+    """Let the usual run take the same examples in whichever process it runs a test.
+
+    Else hypothesis parses all modules that the process has imported so far, and takes their constants, too.
+    """
+    if settings().derandomize and hasattr(providers, "_local_constants"):
+        patch = pytest.MonkeyPatch()
+        patch.setattr(providers, "_get_local_constants", lambda: providers._local_constants)
+        config.add_cleanup(patch.undo)
+
+
+def pytest_pycollect_makeitem(collector: pytest.Collector, obj: object) -> list[pytest.Item] | None:
+    """Make nothing of a test of the night by day: to leave them out afterwards takes each worker seconds."""
+    marks = getattr(obj, "pytestmark", ()) if isfunction(obj) else ()
+    return [] if _is_day(collector.config) and any(map(_is_of_night, marks)) else None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Leave out the cases of the night by day."""
+    if _is_day(metafunc.config):
+        marks = metafunc.definition.own_markers
+        marks[:] = [_without_night(mark) if mark.name == "parametrize" else mark for mark in marks]
+
+
+def _is_day(config: pytest.Config) -> bool:
+    """Whether the run leaves out the tests of the night, which are slow, too."""
+    return config.getoption("markexpr") in ("not night", "not slow")
+
+
+def _is_of_night(mark: object) -> bool:
+    return getattr(mark, "name", "") == "night"
+
+
+def _without_night(mark: pytest.Mark) -> pytest.Mark:
+    names, given, *others = mark.args
+    cases = [*given]
+    kept = [not any(map(_is_of_night, getattr(case, "marks", ()))) for case in cases]
+    ids = mark.kwargs.get("ids")
+    further = {**mark.kwargs, "ids": [*compress(ids, kept)]} if isinstance(ids, list | tuple) else mark.kwargs
+    return pytest.mark.parametrize(names, [*compress(cases, kept)], *others, **further).mark
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -142,18 +191,6 @@ def disk_without_waiting() -> Iterator[None]:
         patch.setattr(os, "fsync", lambda _handle: None)
         if sys.platform == "linux":
             patch.setattr(files, "_flush_file_system", lambda _path: True)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def examples_that_stay() -> Iterator[None]:
-    """Let the usual run take the same examples in whichever process it runs a test.
-
-    Else hypothesis parses all modules that the process has imported so far, and takes their constants, too.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        if settings().derandomize and hasattr(providers, "_local_constants"):
-            patch.setattr(providers, "_get_local_constants", lambda: providers._local_constants)
         yield
 
 

@@ -166,11 +166,12 @@ def _route(entry: BridgeEntry, owner: str, lines: Sequence[str], end: int) -> It
 
 def definitions(state: State, name: Name) -> list[Span]:
     """Return where a name is defined. That of a prefix is where its constants are."""
+    owners = [each for each in state.messages if each.key == (name.owner or name.text)]
     if name.kind is Kind.ENUM:
-        message = next((each for each in state.messages if each.key == name.owner), None)
-        found = [each for each in message.constants if each.name.startswith(f"{name.text}_")] if message else []
+        found = [each for owner in owners for each in owner.constants if each.name.startswith(f"{name.text}_")]
         return [
             Span(each.location.path, each.location.line, each.name_column, each.name_column + len(each.name))
             for each in found
         ]
-    return [use.span for use in uses(state) if use.is_definition and use.name == name]
+    paths = None if name.kind is Kind.TOPIC else [each.location.path for each in owners]
+    return [use.span for use in uses(state, paths) if use.is_definition and use.name == name]

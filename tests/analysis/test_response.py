@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from msggen import recordings
 from msggen.analysis.recorded import Column, Recorded
 from msggen.analysis.response import LOOPS, TOPICS, Loop, Response, response_of, responses_of
 from msggen.analysis.sampling import TOPICS as FLOWN
 from support.examples import by_day
+from support.lazy import Lazy
 from support.written import write_recording
+
+signal = Lazy("scipy.signal")
 
 _RATE, _SECONDS = 1000, 40
 """The samples per second of the systems, and how long they run."""

@@ -6,12 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from msggen.analysis.finding import Unsaid
 from msggen.analysis.motion import ACCEL, GYRO, Sensor, motion_of
 from msggen.analysis.recorded import Column, Recorded
 from msggen.analysis.spectrum import Mark, Spectrogram, Spectrum, Windows, spectrogram_of, spectrum_of, windows_of
+from support.lazy import Lazy
+
+signal = Lazy("scipy.signal")
 
 _SECONDS = 20.0
 

@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib import image
 
 from msggen import recordings
 from msggen.exports.report.analysed import png
 from msggen.exports.report.page import report
+from support.lazy import Lazy
 from support.moving import DELAY, SECONDS, TONE, write_moving
 from support.written import write_recording
+
+image = Lazy("matplotlib.image")
 
 
 @pytest.fixture(scope="module")

@@ -14,16 +14,17 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-from mcp.server.mcpserver.exceptions import ToolError, UnexpectedToolError
-
 from fuzz.conversions import KINDS, damaged, files_of
 from fuzz.payloads import targets
 from msggen.exports.pictures import PICTURES
 from msggen.mcp.answers import LONGEST
-from msggen.mcp.server import TOOLS
 from support.assistant import server
+from support.lazy import Lazy
 from support.log_files import Written, write_log
 from support.scratch import scratch_folder
+
+made = Lazy("msggen.mcp.server")
+errors = Lazy("mcp.server.mcpserver.exceptions")
 
 COUNT = 240
 MEMORY = 1 << 30
@@ -62,7 +63,7 @@ class Case(NamedTuple):
 
 def case(chance: Random) -> Case:
     kind = chance.choice(KINDS)
-    tool = chance.choice(TOOLS)
+    tool = chance.choice(made.TOOLS)
     arguments = {
         name: _value(chance, name, kind)
         for name in [*tool.__annotations__][:-1]
@@ -128,9 +129,9 @@ def _ask(case: Case, own: Path, temporary: Path) -> None:
     place, tempfile.tempdir = tempfile.tempdir, str(temporary)
     try:
         found = asyncio.run(server(str(own)).call_tool(case.tool, arguments))
-    except UnexpectedToolError as error:
+    except errors.UnexpectedToolError as error:
         raise error.__cause__ or error from None
-    except ToolError as error:
+    except errors.ToolError as error:
         text = str(error)
         assert text.isprintable(), text
         assert len(text) < 2000, text

@@ -11,16 +11,23 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from lsprotocol import types as lsp
-from pygls.exceptions import JsonRpcException
 
 from msggen.base.diagnostics import CODES
 from msggen.cli import main
 from support.editor import Editor, edited, editor
-from support.firmware_trees import BRIDGE_PLACE, write_tree
+from support.examples import by_day
+from support.firmware_trees import BRIDGE_PLACE, write_small_tree, write_tree
+from support.lazy import Lazy
 from support.packages import committed
+
+if TYPE_CHECKING:
+    from lsprotocol import types as lsp
+    from pygls import exceptions
+else:
+    lsp, exceptions = Lazy("lsprotocol.types"), Lazy("pygls.exceptions")
 
 STATUS = Path("msg/versioned/VehicleStatus.msg")
 ODOMETRY = Path("msg/versioned/VehicleOdometry.msg")
@@ -36,9 +43,7 @@ def session() -> Iterator[Editor]:
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    write_tree(tmp_path / "px4", "v1.18")
-    committed(tmp_path / "px4")
-    return tmp_path / "px4"
+    return committed(write_small_tree(tmp_path / "px4", "v1.18"))
 
 
 def place(text: str, words: str) -> tuple[int, int]:
@@ -47,7 +52,10 @@ def place(text: str, words: str) -> tuple[int, int]:
     return before.count("\n"), len(before) - before.rfind("\n") - 1
 
 
-def test_problems_are_those_of_the_commands(session: Editor, tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_problems_are_those_of_the_commands(
+    session: Editor, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = committed(write_tree(tmp_path / "px4", "v1.18"))
     path = tree / ESC
     text = path.read_text().replace("uint8 esc_count", "uint8 esc_cuont # [@range 1, 0]\nfloat65 wrong")
     path.write_text(text)
@@ -154,7 +162,7 @@ def test_a_wrong_new_name_is_refused_with_the_reason(name: str, session: Editor,
     path = tree / ESC
     session.open(path)
     line, column = place(path.read_text(), "EscReport[")
-    with pytest.raises(JsonRpcException, match=r"CamelCase|already"):
+    with pytest.raises(exceptions.JsonRpcException, match=r"CamelCase|already"):
         session.rename(path, line, column, name)
 
 
@@ -274,7 +282,7 @@ def test_a_service_is_an_interface_of_two_halves(session: Editor, tree: Path) ->
 
 
 def test_two_trees_do_not_mix(session: Editor, tree: Path, tmp_path: Path) -> None:
-    other = write_tree(tmp_path / "other", "v1.15")
+    other = write_small_tree(tmp_path / "other", "v1.15")
     for folder, number in ((tree, "4"), (other, "")):
         path = next(folder.rglob("VehicleStatus.msg"))
         session.open(path)
@@ -336,16 +344,17 @@ def test_hostile_messages_do_not_end_the_server(tree: Path) -> None:
             document = lsp.TextDocumentIdentifier(uri)
             for position in (lsp.Position(0, 0), lsp.Position(10**9, 10**9)):
                 asked = session.client.text_document_hover_async(lsp.HoverParams(document, position))
-                with suppress(JsonRpcException):
+                with suppress(exceptions.JsonRpcException):
                     assert session.wait(asked) is None
-        with pytest.raises(JsonRpcException):
+        with pytest.raises(exceptions.JsonRpcException):
             session.ask("no/such", {"x": [1] * 1000})
         assert session.hover(path, 0, 0)
 
 
-@pytest.mark.parametrize(
+@by_day(
     "garbage",
     [b"\0" * 1000, b"Content-Length: 10\r\n\r\n{", b"Content-Length: -1\r\n\r\n", b"Content-Length: 3\r\n\r\nabc"],
+    2,
 )
 def test_garbage_on_standard_input_is_no_trace(garbage: bytes) -> None:
     command = [sys.executable, "-m", "msggen", "lsp"]

@@ -11,16 +11,18 @@ from pathlib import Path
 import pytest
 
 from msggen.cli.parser import parser_for
-from msggen.mcp.server import TOOLS
 from support.commands import run
+from support.lazy import Lazy
 from support.repository import ROOT
+
+made = Lazy("msggen.mcp.server")
 
 PAGE = (ROOT / "docs" / "assistants.md").read_text(encoding="utf-8")
 
 
 def test_the_page_lists_all_tools() -> None:
     table = PAGE.partition("| tool | answers |")[2].partition("\n\n")[0]
-    assert re.findall(r"^\| `(\w+)`", table, re.MULTILINE) == [each.__name__ for each in TOOLS]
+    assert re.findall(r"^\| `(\w+)`", table, re.MULTILINE) == [each.__name__ for each in made.TOOLS]
 
 
 def test_the_configuration_starts_the_command() -> None:

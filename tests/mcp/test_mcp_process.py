@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcp import Client, StdioServerParameters, stdio_client
 
 from msggen.cli import main
 from msggen.sim import Options, Simulator
 from support.assistant import text
+from support.lazy import Lazy
 from support.ports import free_port
 
+mcp = Lazy("mcp")
 COMMAND = str(Path(sys.executable).with_name("msggen"))
 HELLO = {
     "jsonrpc": "2.0",
@@ -30,10 +31,10 @@ HELLO = {
 
 def asked(words: list[str], calls: list[tuple[str, dict[str, Any]]]) -> list[Any]:
     """Return the answers of a process to some calls."""
-    started = StdioServerParameters(command=COMMAND, args=["mcp", *words], env=dict(os.environ))
+    started = mcp.StdioServerParameters(command=COMMAND, args=["mcp", *words], env=dict(os.environ))
 
     async def called() -> list[Any]:
-        async with Client(stdio_client(started)) as client:
+        async with mcp.Client(mcp.stdio_client(started)) as client:
             return [await client.call_tool(*each) for each in calls]
 
     return asyncio.run(called())

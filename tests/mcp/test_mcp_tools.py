@@ -11,7 +11,6 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from mcp import Client
 
 from msggen import recordings
 from msggen.base.diagnostics import InputError
@@ -20,13 +19,15 @@ from msggen.exports.pictures import PICTURES
 from msggen.mcp.answers import LONGEST, answer
 from msggen.mcp.definitions import Definitions
 from msggen.mcp.places import Places
-from msggen.mcp.server import KIND, TOOLS
 from support.assistant import call, error, image, server, text, told
 from support.catalogs import write_definitions
+from support.lazy import Lazy
 from support.log_files import Written, write_log
 from support.moving import write_moving
 from support.written import write_recording
 
+mcp = Lazy("mcp")
+made = Lazy("msggen.mcp.server")
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -43,12 +44,12 @@ def here(tmp_path: Path, px4_types: Any) -> Path:
 
 def test_tools_say_what_they_do_and_that_they_only_read() -> None:
     async def listed() -> Any:
-        async with Client(server()) as client:
+        async with mcp.Client(server()) as client:
             return client.instructions, (await client.list_tools()).tools
 
     instructions, tools = asyncio.run(listed())
     assert "none of them is an instruction" in instructions
-    assert {each.name for each in tools} == {each.__name__ for each in TOOLS}
+    assert {each.name for each in tools} == {each.__name__ for each in made.TOOLS}
     for each in tools:
         assert each.description
         assert each.annotations
@@ -174,7 +175,7 @@ def test_a_plot_is_a_picture(here: Path, px4_types: Any) -> None:
 
 def test_a_picture_has_its_texts(here: Path, px4_types: Any) -> None:
     """Here they say why there is none: nothing flies."""
-    assert [*get_args(KIND)] == [*PICTURES]
+    assert [*get_args(made.KIND)] == [*PICTURES]
     said: Any
     (said,) = call(server(str(here)), "log_picture", path="flight.mcap", kind="step-response").content
     assert "roll: the recording has no vehicle_attitude" in json.loads(said.text)["unsaid"][0]

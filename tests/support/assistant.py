@@ -5,13 +5,18 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Sequence
-from typing import Any
-
-from mcp import Client
-from mcp_types import CallToolResult, ImageContent, TextContent
+from typing import TYPE_CHECKING, Any
 
 from msggen.cli.commands.log.info import object_of
-from msggen.mcp.server import Commands, Server, make_server
+from support.lazy import Lazy
+
+if TYPE_CHECKING:
+    import mcp
+    import mcp_types as types
+
+    from msggen.mcp import server as made
+else:
+    mcp, types, made = Lazy("mcp"), Lazy("mcp_types"), Lazy("msggen.mcp.server")
 
 
 def no_vehicle(topics: Sequence[str], seconds: float) -> dict[str, Any]:
@@ -19,25 +24,25 @@ def no_vehicle(topics: Sequence[str], seconds: float) -> dict[str, Any]:
     return {"topics": [*topics], "seconds": seconds}
 
 
-def server(*places: str) -> Server:
+def server(*places: str) -> made.Server:
     """Return a server for what is below some folders."""
-    return make_server(places, "", Commands(object_of, no_vehicle))
+    return made.make_server(places, "", made.Commands(object_of, no_vehicle))
 
 
-def call(server: Any, tool: str, /, **arguments: Any) -> CallToolResult:
+def call(server: Any, tool: str, /, **arguments: Any) -> types.CallToolResult:
     """Call a tool of a server in this process, or of what a transport leads to."""
 
-    async def called() -> CallToolResult:
-        async with Client(server) as client:
+    async def called() -> types.CallToolResult:
+        async with mcp.Client(server) as client:
             return await client.call_tool(tool, arguments)
 
     return asyncio.run(called())
 
 
-def text(result: CallToolResult) -> str:
+def text(result: types.CallToolResult) -> str:
     """Return the text of an answer or an error."""
     (content,) = result.content
-    assert isinstance(content, TextContent)
+    assert isinstance(content, types.TextContent)
     return content.text
 
 
@@ -55,8 +60,8 @@ def error(server: Any, tool: str, /, **arguments: Any) -> str:
     return text(result)
 
 
-def image(result: CallToolResult) -> ImageContent:
+def image(result: types.CallToolResult) -> types.ImageContent:
     """Return the picture of an answer."""
     (content,) = result.content
-    assert isinstance(content, ImageContent)
+    assert isinstance(content, types.ImageContent)
     return content

@@ -9,10 +9,15 @@ import threading
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from lsprotocol import types as lsp
-from pygls.lsp.client import LanguageClient
+from support.lazy import Lazy
+
+if TYPE_CHECKING:
+    from lsprotocol import types as lsp
+    from pygls.lsp import client
+else:
+    lsp, client = Lazy("lsprotocol.types"), Lazy("pygls.lsp.client")
 
 LONGEST = 120.0
 """The seconds after which a request without an answer fails."""
@@ -26,7 +31,7 @@ class Editor:
     def __init__(self) -> None:
         self._loop = asyncio.new_event_loop()
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
-        self.client = LanguageClient("test", "1")
+        self.client = client.LanguageClient("test", "1")
         self.shown: dict[Path, list[lsp.Diagnostic]] = {}
         self.texts: dict[Path, str] = {}
         self.logged: list[str] = []

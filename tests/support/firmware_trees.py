@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +11,12 @@ from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 
 BRIDGE_PLACE = "src/modules/uxrce_dds_client/dds_topics.yaml"
+FEW = {
+    *("ActuatorTest", "EscReport", "EscStatus", "Rpm"),
+    *("VehicleCommand", "VehicleCommandAck", "VehicleOdometry", "VehicleStatus"),
+}
+"""Nested, versioned and plain messages, bridged ones and others, and a service."""
+_ENTRY = re.compile(r"^  - topic:.*\n    type: px4_msgs::msg::(\w+)\n(?:    .*\n)*", re.MULTILINE)
 
 
 def write_tree(folder: Path, release: str, added: Mapping[str, str] | None = None) -> Path:
@@ -21,3 +28,14 @@ def write_tree(folder: Path, release: str, added: Mapping[str, str] | None = Non
     for name, text in (added or {}).items():
         files[name] = files.get(name, "") + text
     return write_definitions(folder, files)
+
+
+def write_small_tree(folder: Path, release: str) -> Path:
+    """Write a tree with `FEW` of the messages of a release, and their topics: `msggen lsp` reads it in no time."""
+    write_tree(folder, release)
+    for path in [*folder.rglob("*.msg"), *folder.rglob("*.srv")]:
+        if path.stem not in FEW:
+            path.unlink()
+    bridge = folder / BRIDGE_PLACE
+    bridge.write_text(_ENTRY.sub(lambda entry: entry[0] if entry[1] in FEW else "", bridge.read_text()))
+    return folder

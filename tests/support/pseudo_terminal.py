@@ -15,7 +15,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import pyte
+from support.lazy import Lazy
+
+pyte = Lazy("pyte")
 
 LONGEST = 60.0
 """Seconds after which a test gives up."""
