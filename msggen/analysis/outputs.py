@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from msggen.analysis.finding import Unsaid
 from msggen.analysis.recorded import Column, Recorded
 from msggen.analysis.sampling import Spans, flown
+from msggen.recordings.columns.annotations import annotation_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,6 +27,18 @@ _OUTPUTS = ("actuator_motors", "control"), ("actuator_servos", "control"), ("act
 _THRUST = "vehicle_thrust_setpoint.xyz", "vehicle_attitude_setpoint.thrust_body", "vehicle_rates_setpoint.thrust_body"
 """Where the thrust is told, in FRD."""
 _AID_SOURCES = "estimator_aid_src_"
+_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("hgt", "pos", "position", "beacon", "finder"), "m"),
+        **dict.fromkeys(("vel", "airspeed"), "m/s"),
+        **dict.fromkeys(("yaw", "heading", "sideslip"), "rad"),
+        "flow": "rad/s",
+        "drag": "m/s^2",
+        "gravity": "",
+        "mag": "Ga",
+    }
+)
+"""The units of innovations by the last word of their source, "" for a direction: PX4 gives all of one type."""
 _INNOVATIONS, _RATIOS = "estimator_innovations", "estimator_innovation_test_ratios"
 
 TOPICS = frozenset(
@@ -114,6 +128,7 @@ class Innovation(NamedTuple):
     label: str
     """The source and its axis: `gnss_pos[0]`."""
     unit: str
+    """`m/s`, "" for a source that is not known."""
     times: NDArray[np.float64]
     """Of shape (n,), in s after the start of the recording."""
     values: NDArray[np.float64]
@@ -206,18 +221,21 @@ def innovations_of(recorded: Recorded) -> list[Innovation]:
 def _of_sources(recorded: Recorded) -> Iterator[Innovation]:
     for topic in sorted(recorded.topics):
         if topic.startswith(_AID_SOURCES):
-            yield from _innovations(recorded, (topic, "innovation"), (topic, "test_ratio"), topic[len(_AID_SOURCES) :])
+            label = topic[len(_AID_SOURCES) :]
+            unit = _UNITS.get(label.rpartition("_")[2], "")
+            yield from _innovations(recorded, (topic, "innovation"), (topic, "test_ratio"), label, unit)
 
 
 def _of_topic(recorded: Recorded) -> Iterator[Innovation]:
     samples = recorded.samples(_INNOVATIONS)
     for name in () if samples is None else samples.array.dtype.names or ():
         if not name.startswith("timestamp"):
-            yield from _innovations(recorded, (_INNOVATIONS, name), (_RATIOS, name), name)
+            unit = annotation_of(samples.topic, name).unit if samples else ""
+            yield from _innovations(recorded, (_INNOVATIONS, name), (_RATIOS, name), name, unit)
 
 
 def _innovations(
-    recorded: Recorded, innovation: tuple[str, str], ratio: tuple[str, str], label: str
+    recorded: Recorded, innovation: tuple[str, str], ratio: tuple[str, str], label: str, unit: str
 ) -> Iterator[Innovation]:
     """Yield the innovations of a field: the root of a test ratio is the innovation in parts of its gate."""
     width = recorded.width(*innovation)
@@ -230,4 +248,4 @@ def _innovations(
             continue
         tested = ratios.at(values.times)
         gate = np.abs(values.values) / np.sqrt(np.where((tested > 0) & (values.values != 0), tested, np.nan))
-        yield Innovation(f"{label}{place}", values.unit, values.times, values.values, gate)
+        yield Innovation(f"{label}{place}", unit, values.times, values.values, gate)

@@ -8,15 +8,13 @@ from typing import NamedTuple
 
 from msggen.analysis.recorded import Recorded, spans
 from msggen.base.diagnostics import printable
-from msggen.messages.nav_states import EXTERNAL, MODE_CONSTANTS, MODE_TITLES, mode_number
+from msggen.messages.nav_states import EXTERNAL, MODE_TITLES, mode_number, mode_title
 from msggen.recordings.log.series import MODES
 
 _REPLY = "register_ext_component_reply"
 """The topic in which PX4 tells which mode it gave to a program."""
 TOPICS = frozenset({MODES[0], _REPLY})
 """The topics that flight modes and failsafes are from."""
-_NAMES = {constant: MODE_TITLES[mode] for mode, constant in MODE_CONSTANTS.items()}
-"""The names of modes in ground stations, by those in PX4."""
 COLOURS = 10
 """The number of colours of modes."""
 
@@ -71,7 +69,7 @@ def _modes(recorded: Recorded) -> list[Stretch]:
         return []
     own = _registered(recorded)
     found = sorted(
-        (begin, min(end, recorded.duration), _own_name(band.name, own, end) or _name(band.name))
+        (begin, min(end, recorded.duration), _own_name(band.name, own, end) or mode_title(band.name))
         for band in modes.bands
         for begin, end in band.spans
     )
@@ -115,16 +113,7 @@ def _own_name(name: str, registered: Mapping[int, _Registered], end: float) -> s
     """
     of_mode = registered.get(mode_number(name) or 0)
     own = of_mode.at(end) if of_mode else ""
-    return f"{own} ({_name(name)})" if own in MODE_TITLES.values() else own
-
-
-def _name(name: str) -> str:
-    """Return the name of a mode as ground stations show it."""
-    if name.isdecimal():
-        return f"Mode {name}"
-    front = name.rstrip("0123456789")
-    number = name[len(front) :]
-    return _NAMES.get(name) or " ".join(filter(None, [front.replace("_", " ").capitalize(), number]))
+    return f"{own} ({mode_title(name)})" if own in MODE_TITLES.values() else own
 
 
 def _marks(recorded: Recorded) -> list[Mark]:

@@ -74,6 +74,18 @@ def mode_number(name: str) -> int | None:
     return _BY_NAME.get(_plain(name).removeprefix("navigation state "))
 
 
+def mode_title(name: str) -> str:
+    """Return the name of a mode for people: `Hold` for the constant `AUTO_LOITER`, `Mode 9` for a number without one.
+
+    A constant that is not known becomes words.
+    """
+    if name.isdecimal():
+        return f"Mode {name}"
+    front = name.rstrip("0123456789")
+    words = " ".join(filter(None, [front.replace("_", " ").capitalize(), name[len(front) :]]))
+    return _TITLES.get(name, words)
+
+
 def _plain(name: str) -> str:
     return name.lower().replace("-", " ").replace("_", " ")
 
@@ -83,3 +95,4 @@ _BY_NAME: Final = {
     for mode, (constant, title) in _MODES.items()
     for text in (_plain(constant), _plain(constant).removeprefix("auto "), title.lower())
 }
+_TITLES: Final = {name: title for constant, title in _MODES.values() for name in (constant, title)}

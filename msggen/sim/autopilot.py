@@ -89,7 +89,7 @@ _CYCLE = 20_240
 POSITION = frozenset({"altitude", "climb_rate", "velocity", "position"})
 """What position control controls, or the guidance of a fixed-wing aircraft."""
 _WITHOUT_POSITION_CONTROL = frozenset({MANUAL, STABILIZED, TERMINATION})
-_HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
+HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
 """The modes that a pilot can fly without a position. The sticks are at rest."""
 
 
@@ -211,7 +211,7 @@ class Autopilot:
         if mode == OFFBOARD:
             return self._led(self._setpoints.offboard(time))
         if mode == DESCEND or not self.has_position:
-            return self._blind(keeps_height=mode in _HEIGHT)
+            return self._blind(keeps_height=mode in HEIGHT)
         return self._interrupted(time, self._own(mode))
 
     def rest(self) -> None:

@@ -6,6 +6,10 @@ _WARNINGS = (0.15, 0.07, 0.05)
 """The remaining charge below which each warning begins: low, critical, emergency."""
 
 
+NEW, WORN = 0.02, 0.3
+"""The internal resistance in Ohm: 5 mOhm a cell, which PX4 assumes (BAT1_R_INTERNAL), and 15 times of it."""
+
+
 class Battery:
     """A battery of four cells that drains with the thrust."""
 
@@ -15,6 +19,8 @@ class Battery:
 
     def __init__(self) -> None:
         self.discharged = 0.0
+        self.resistance = NEW
+        """In Ohm. It can be set."""
         self.current = 0.6
         self.temperature = 24.0
 
@@ -30,7 +36,7 @@ class Battery:
     @property
     def voltage(self) -> float:
         """The voltage under load."""
-        return self.cells * (3.5 + 0.7 * self.remaining) - 0.02 * self.current
+        return self.cells * (3.5 + 0.7 * self.remaining) - self.resistance * self.current
 
     @property
     def warning(self) -> int:

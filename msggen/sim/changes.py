@@ -51,6 +51,7 @@ def _states(world: World) -> Sequence[object]:
         (landing.ground_contact, landing.maybe_landed, landed, is_armed),
         (
             *(landed, is_armed, world.has_position, state, commander.vehicle_type, world.uses_range),
+            world.is_compass_disturbed,
             *(external.fused, external.is_aided, external.is_yaw_aligned, external.rejects_yaw),
         ),
         (world.has_home, world.home_changes, world.origin),

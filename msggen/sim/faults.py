@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 from msggen.base.diagnostics import suggestion
 from msggen.messages.commands import ACCEPTED, SET_NAV_STATE
 from msggen.messages.nav_states import MODE_NAMES
+from msggen.sim.battery import NEW, WORN
 from msggen.sim.commands import SIMULATED
 from msggen.sim.world import World
 
@@ -49,6 +50,26 @@ def _lose_gps(world: World) -> str:
 def _find_gps(world: World) -> str:
     world.has_gps = True
     return "GPS is there again"
+
+
+def _disturb_compass(world: World) -> str:
+    world.is_compass_disturbed = True
+    return "the magnetic field is disturbed"
+
+
+def _calm_compass(world: World) -> str:
+    world.is_compass_disturbed = False
+    return "the magnetic field is calm again"
+
+
+def _weaken_battery(world: World) -> str:
+    world.battery.resistance = WORN
+    return "the battery is worn out"
+
+
+def _replace_battery(world: World) -> str:
+    world.battery.resistance = NEW
+    return "the battery is as new again"
 
 
 def _connect_sticks(world: World) -> str:
@@ -98,6 +119,10 @@ _PLAIN: Mapping[str, Callable[[World], str] | None] = {
     "position": _find_position,
     "no-gps": _lose_gps,
     "gps": _find_gps,
+    "disturbed-compass": _disturb_compass,
+    "compass": _calm_compass,
+    "weak-battery": _weaken_battery,
+    "new-battery": _replace_battery,
     "sticks": _connect_sticks,
     "no-sticks": _lose_sticks,
     NO_LINK: None,

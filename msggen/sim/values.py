@@ -453,6 +453,7 @@ def _estimator_status_flags(scene: Scene) -> Values:
         **flags,
         **world.external.flags,
         "control_status_changes": _CONTROL_CHANGES + world.control_changes + world.external.changes,
+        "cs_mag_field_disturbed": world.is_compass_disturbed,
         "cs_fixed_wing": world.commander.vehicle_type == FIXED_WING,
         "cs_in_transition": world.vtol_state is not None and world.vtol_state.is_transition,
         "cs_wind": world.has_flown_by_wings,

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from msggen.messages.commands import ACCEPTED, TEMPORARILY_REJECTED
-from msggen.messages.nav_states import EXTERNAL, LAND, RETURN, TAKEOFF, VTOL_TAKEOFF
+from msggen.messages.nav_states import DESCEND, EXTERNAL, LAND, RETURN, TAKEOFF, VTOL_TAKEOFF
 from msggen.messages.vehicle_types import VtolState
 from msggen.sim.attitude import Vector
 from msggen.sim.autopilot import Autopilot, Lift, Setpoint
@@ -222,7 +222,7 @@ class VtolPilot:
         x, y, z = self._flight.position
         distance = math.hypot(x - self.home[0], y - self.home[1]) - self._parameters["NAV_LOITER_RAD"]
         is_home = distance < _NEAR_HOME and abs(z - self.wings.height) < _NEAR_HEIGHT
-        return self._mode == LAND or (self._mode == RETURN and is_home)
+        return self._mode in {LAND, DESCEND} or (self._mode == RETURN and is_home)
 
     # Setpoints
 

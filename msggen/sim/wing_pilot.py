@@ -12,7 +12,7 @@ from typing import Any
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
 from msggen.sim.attitude import Vector, added, angles_of
-from msggen.sim.autopilot import POSITION
+from msggen.sim.autopilot import HEIGHT, POSITION
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Push, Target
 from msggen.sim.setpoints import Setpoints
@@ -26,7 +26,9 @@ _SLOPE = 1.5
 """The sink rate of a landing in m/s."""
 _MAX_PITCH, _TAKEOFF_PITCH = math.radians(30.0), math.radians(10.0)
 """The limits of pitch, FW_P_LIM_MIN and FW_P_LIM_MAX, and the least of a takeoff, FW_TKO_PITCH_MIN."""
-_BLIND_ROLL = math.radians(15.0)
+_BLIND_ROLL, _BLIND_TIME, _BLIND_SINK = math.radians(15.0), 30_000_000, 0.5
+"""Without a position: the roll angle of a circle, FW_GPSF_R, how long it keeps the height, FW_GPSF_LT, and the sink
+rate in m/s after that, which PX4 has as a number."""
 _RATE_TIME = 0.4
 """The time in s for which a rate is flown ahead: that in which angles follow."""
 _PARTS = tuple(name for name in Wing._fields if name not in {"roll", "takes_off"})
@@ -170,11 +172,19 @@ class WingPilot:
         if mode in EXTERNAL:
             return self._program(controls)
         if mode == DESCEND or not self.has_position:
-            return Wing(roll=_BLIND_ROLL, height_rate=-SINK)
+            return self._blind(time, mode)
         own = self._own(mode, time)
         kept = {name: getattr(self._wing, name) for name, last in self._written.items() if time - last < _FRESH}
         self._wing = own._replace(**kept)
         return self._wing
+
+    def _blind(self, time: int, mode: int) -> Wing:
+        """Circle, and descend after some time, without a position. A pilot's modes fly on, level."""
+        if mode in HEIGHT:
+            return Wing(roll=0.0, down=self._circle[2])
+        if time < self._since + _BLIND_TIME:
+            return Wing(roll=_BLIND_ROLL, down=self._circle[2])
+        return Wing(roll=_BLIND_ROLL, height_rate=-_BLIND_SINK)
 
     def _program(self, controls: Controls) -> Wing:
         """Return the setpoint of the mode of a program, which is the last one of PX4's own mode at its beginning."""

@@ -69,6 +69,8 @@ class World:
         """Whether the vehicle knows its position, where on earth its origin is, and its home."""
         self.has_sticks = self.has_ground_station = False
         """Whether a pilot's sticks, and a ground station, are there. Both can be set at any time."""
+        self.is_compass_disturbed = False
+        """Whether the magnetic field is not that of the place, which the estimator notices. It can be set."""
         self.system_id = system_id
         self.parts: Collection[str] = ()
         """The names of the parts that the vehicle has."""

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import msggen
 from msggen import analysis, recordings
 from msggen.recordings import Log, RecordingError
+from msggen.sources.embedded import EMBEDDED
 from support.written import write_recording
 
 
@@ -90,7 +92,7 @@ def test_gates_are_those_of_the_test_ratios(tmp_path: Path, px4_types: Any) -> N
     assert np.array_equal(np.isnan(found.gate), found.values == 0)
     assert found.gate[found.values != 0] == pytest.approx(3)
     assert found.shares[0] == pytest.approx(-2 / 3)
-    assert found.text == "baro_hgt: up to 5, 25 % beyond the gate"
+    assert found.text == "baro_hgt: up to 5 m, 25 % beyond the gate"
 
 
 def test_innovations_of_one_topic_have_gates_too(tmp_path: Path, px4_types: Any) -> None:
@@ -103,8 +105,20 @@ def test_innovations_of_one_topic_have_gates_too(tmp_path: Path, px4_types: Any)
     with opened(tmp_path, samples) as log:
         found = {each.label: each for each in analysis.innovations(log)}
     assert set(found) == {"gps_hpos[0]", "hagl"}
+    assert [each.unit for each in found.values()] == ["m", "m"]
     assert found["gps_hpos[0]"].gate[-1] == pytest.approx(2)
     assert found["hagl"].gate[-1] == pytest.approx(1)
+
+
+def test_all_sources_of_all_releases_have_a_unit(tmp_path: Path, px4_types: Any) -> None:
+    definitions = [each for release in EMBEDDED for each in msggen.read(release).messages.values()]
+    topics = {topic for each in definitions for topic in each.topic_names if topic.startswith("estimator_aid_src_")}
+    assert len(topics) > 20
+    sample = px4_types.EstimatorAidSource1d(innovation=1.0, test_ratio=1.0)
+    with opened(tmp_path, [(f"/fmu/out/{topic}", time, sample) for topic in topics for time in (0.0, 0.1)]) as log:
+        found = {each.label: each.unit for each in analysis.innovations(log)}
+    assert len(found) == len(topics)
+    assert [label for label, unit in found.items() if not unit] == ["gravity"]  # a direction
 
 
 def test_what_is_not_recorded_is_said(tmp_path: Path, px4_types: Any) -> None:

@@ -221,6 +221,10 @@ SAME: dict[str, tuple[Callable[[Faults], None], tuple[str, ...]]] = {
     "position again": (lambda faults: faults.lose_position(1.0), ("no-position", "position")),
     "gps": (lambda faults: faults.lose_gps(), ("no-gps",)),
     "gps again": (lambda faults: faults.lose_gps(1.0), ("no-gps", "gps")),
+    "compass": (lambda faults: faults.disturb_compass(), ("disturbed-compass",)),
+    "compass again": (lambda faults: faults.disturb_compass(1.0), ("disturbed-compass", "compass")),
+    "weak battery": (lambda faults: faults.weaken_battery(), ("weak-battery",)),
+    "weak battery again": (lambda faults: faults.weaken_battery(1.0), ("weak-battery", "new-battery")),
     "sticks": (lambda faults: faults.sticks(there=True), ("sticks",)),
     "no sticks": (lambda faults: faults.sticks(there=False), ("no-sticks",)),
     "pilot": (lambda faults: faults.pilot_takes_over("land"), ("sticks", "mode=land")),
@@ -259,6 +263,7 @@ def test_a_fault_is_the_same_as_that_of_msggen_sim(px4_types: Any, name: str) ->
                 world = vehicle.world
                 told = flight.feeds["vehicle_status"].latest
                 found.append((world.mode, world.reason, world.has_position, world.has_gps, world.has_sticks))
+                found.append((world.is_compass_disturbed, world.battery.resistance))
                 found.append(
                     (round(world.battery.remaining, 2), told.nav_state, told.failsafe, world.commander.intention)
                 )

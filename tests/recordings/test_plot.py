@@ -91,7 +91,7 @@ def test_values_with_names_are_bands(log: recordings.Log) -> None:
     status, armed, valid = plot.draw(
         log, ["vehicle_status.nav_state", "vehicle_status.arming_state", "vehicle_local_position.z_valid"]
     ).axes
-    assert bands(status) == {"AUTO_LOITER": [(0, 2)], "OFFBOARD": [(2, 6)], "AUTO_LAND": [(6, 9)]}
+    assert bands(status) == {"Hold": [(0, 2)], "Offboard": [(2, 6)], "Land": [(6, 9)]}
     assert bands(armed) == {"DISARMED": [(0, 2), (6, 9)], "ARMED": [(2, 6)]}
     assert bands(valid) == {"false": [(0, 5)], "true": [(5, 10.1)]}
     assert [text.get_text() for text in armed.texts] == ["vehicle_status.arming_state"]
@@ -102,9 +102,9 @@ def test_the_flight_modes_are_the_background_of_all_panels(log: recordings.Log) 
     for axes in figure.axes:
         patches: list[Any] = list(axes.patches)
         found = {patch.get_label(): (patch.get_x(), patch.get_x() + patch.get_width()) for patch in patches}
-        assert found == {"_AUTO_LOITER": (0, 2), "_OFFBOARD": (2, 6), "_AUTO_LAND": (6, 9)}
+        assert found == {"_Hold": (0, 2), "_Offboard": (2, 6), "_Land": (6, 9)}
         assert len({patch.get_facecolor() for patch in patches}) == 3
-    assert [text.get_text() for text in figure.axes[0].texts] == ["AUTO_LOITER", "OFFBOARD", "AUTO_LAND"]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["Hold", "Offboard", "Land"]
     assert not figure.axes[1].texts
 
 
@@ -162,7 +162,7 @@ def test_a_picture_ends_with_its_fields(tmp_path: Path, px4_types: Any) -> None:
     samples.append(("/fmu/out/sensor_gps", 1000.0, px4_types.SensorGps()))
     with recordings.open(write_recording(tmp_path / "late.mcap", samples)) as log:
         (status,) = plot.draw(log, ["vehicle_status.nav_state"]).axes
-        assert bands(status) == {"AUTO_LOITER": [(0, 6.5)]}
+        assert bands(status) == {"Hold": [(0, 6.5)]}
         assert status.get_xlim() == (0, 6.5)
         (attitude,) = plot.draw(log, ["vehicle_attitude.q[0]"], stop=900.0).axes
         assert attitude.get_xlim() == (0, 6)
@@ -172,7 +172,7 @@ def test_a_picture_ends_with_its_fields(tmp_path: Path, px4_types: Any) -> None:
         assert mode.get_x() + mode.get_width() == 6.5
         # a value lasts until the next sample, if there is one behind the time that was asked for
         (status,) = plot.draw(log, ["vehicle_status.nav_state"], stop=3.4).axes
-        assert bands(status) == {"AUTO_LOITER": [(0, 3.4)]}
+        assert bands(status) == {"Hold": [(0, 3.4)]}
 
 
 BEGIN = 1_700_000_000_000_000
@@ -219,8 +219,8 @@ def test_a_picture_begins_at_the_start_of_the_recording(older: recordings.Log, s
 def test_flight_modes_before_the_start_and_without_names(older: recordings.Log) -> None:
     (axes,) = plot.draw(older, ["wind.x"]).axes
     patches: list[Any] = list(axes.patches)
-    assert [(patch.get_label(), patch.get_x()) for patch in patches] == [("_nav_state 4", 0), ("_nav_state 5", 1)]
-    assert [name.get_text() for name in axes.texts] == ["nav_state 4", "nav_state 5"]
+    assert [(patch.get_label(), patch.get_x()) for patch in patches] == [("_Mode 4", 0), ("_Mode 5", 1)]
+    assert [name.get_text() for name in axes.texts] == ["Mode 4", "Mode 5"]
     assert len({patch.get_facecolor() for patch in patches}) == 2
 
 
@@ -329,7 +329,7 @@ def test_files(log: recordings.Log) -> None:
     assert 300 < height < 600
     assert len(png) > 10_000
     text = svg.decode()
-    for shown in ("flight.mcap", "vehicle_local_position.x", "[m]", "OFFBOARD", "time since the start [s]"):
+    for shown in ("flight.mcap", "vehicle_local_position.x", "[m]", "Offboard", "time since the start [s]"):
         assert f">{shown}<" in text
     assert svg == picture("svg")
 

@@ -129,6 +129,18 @@ def test_a_plane_comes_down_rolls_out_and_is_disarmed(mode: int) -> None:
     assert pilot.until(lambda: not pilot.world.is_armed) == pytest.approx(2.0, abs=0.1)
 
 
+def test_a_plane_without_a_position_circles_before_it_sinks() -> None:
+    """FW_GPSF_R and FW_GPSF_LT."""
+    pilot = flying()
+    height = pilot.world.flight.position[2]
+    pilot.world.has_gps = pilot.world.has_position = False
+    pilot.run(29.0)
+    assert (pilot.world.mode, pilot.world.flight.position[2]) == (DESCEND, pytest.approx(height, abs=1.0))
+    assert math.degrees(pilot.world.flight.roll) == pytest.approx(15.0, abs=0.1)
+    pilot.run(10.0)
+    assert pilot.world.flight.velocity[2] == pytest.approx(0.5, abs=0.05)
+
+
 def test_a_return_ends_in_a_circle_over_home() -> None:
     pilot = flying()
     assert pilot.select(RETURN) == ACCEPTED

@@ -84,6 +84,14 @@ class Faults:
         """Let the vehicle lose GPS. It loses the estimate of its position 5.2 s later."""
         self._during(seconds, at, self._change("no-gps"), self._change("gps"))
 
+    def disturb_compass(self, seconds: float = math.inf, *, at: float | None = None) -> None:
+        """Disturb the magnetic field. The estimator says so, and the vehicle flies on."""
+        self._during(seconds, at, self._change("disturbed-compass"), self._change("compass"))
+
+    def weaken_battery(self, seconds: float = math.inf, *, at: float | None = None) -> None:
+        """Let the voltage of the battery fall with the current, as that of a worn one: to 3.1 V a cell in hover."""
+        self._during(seconds, at, self._change("weak-battery"), self._change("new-battery"))
+
     def restart(self, *, at: float | None = None) -> None:
         """Restart the vehicle, which takes 2 s. It is back at its start, and knows no programs."""
         self._begin(at, self._vehicle.restart)

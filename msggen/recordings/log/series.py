@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.base.diagnostics import few, printable, shortened, suggestion
+from msggen.messages.nav_states import HOLD, MODE_CONSTANTS, mode_title
 from msggen.recordings.columns.annotations import Annotation, annotation_of
 from msggen.recordings.columns.arrays import names_of
 from msggen.recordings.source.source import RecordingError
@@ -153,7 +154,7 @@ def read_series(
         for column, values in samples.columns().items():
             if values.dtype == object:
                 raise RecordingError(f"{front}.{column} has no fixed size, and is not drawn")
-            about = annotation_of(topic, column)
+            about = drawn(annotation_of(topic, column))
             series = Series(f"{front}.{column}", times, values, about, float(times[-1]))
             if stop is not None and topic.last > samples.log_times[-1]:  # the last value lasts until a later sample
                 series = replace(series, end=stop)
@@ -161,6 +162,13 @@ def read_series(
                 series = replace(series, end=_end_of(series, stop))
             found.append(series)
     return found
+
+
+def drawn(about: Annotation) -> Annotation:
+    """Return what values mean, with the names of flight modes for people: `Hold` for `AUTO_LOITER`."""
+    if about.members.get(HOLD) != MODE_CONSTANTS[HOLD]:
+        return about
+    return about._replace(members={value: mode_title(name) for value, name in about.members.items()})
 
 
 def _end_of(series: Series, stop: float | None) -> float:
@@ -176,7 +184,7 @@ def read_modes(log: Log, *, start: float | None = None, stop: float | None = Non
         modes = read_series(log, [".".join(MODES)], start=start, stop=stop)[0]
     except RecordingError:
         return None
-    numbered = {value: f"{MODES[1]} {value}" for value in np.unique(modes.values).tolist()}
+    numbered = {value: mode_title(str(value)) for value in np.unique(modes.values).tolist()}
     about = modes.annotation._replace(members={**numbered, **modes.annotation.members})
     return replace(modes, annotation=about, end=max(modes.end, _end_of(modes, stop)))
 
