@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,6 +26,17 @@ _OUTPUTS = ("actuator_motors", "control"), ("actuator_servos", "control"), ("act
 _THRUST = "vehicle_thrust_setpoint.xyz", "vehicle_attitude_setpoint.thrust_body", "vehicle_rates_setpoint.thrust_body"
 """Where the thrust is told, in FRD."""
 _AID_SOURCES = "estimator_aid_src_"
+_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("hgt", "pos", "position", "beacon", "finder"), "m"),
+        **dict.fromkeys(("vel", "airspeed"), "m/s"),
+        **dict.fromkeys(("yaw", "heading", "sideslip"), "rad"),
+        **dict.fromkeys(("gravity", "drag"), "m/s^2"),
+        "flow": "rad/s",
+        "mag": "Gs",
+    }
+)
+"""The units of the estimator's sources by the last words of their topics: all sources have the same few messages."""
 _INNOVATIONS, _RATIOS = "estimator_innovations", "estimator_innovation_test_ratios"
 
 TOPICS = frozenset(
@@ -216,6 +228,11 @@ def _of_topic(recorded: Recorded) -> Iterator[Innovation]:
             yield from _innovations(recorded, (_INNOVATIONS, name), (_RATIOS, name), name)
 
 
+def unit_of(source: str) -> str:
+    """Return the unit of the innovations of a source, such as `gnss_pos`, "" if it is not known."""
+    return _UNITS.get(source.rpartition("_")[2], "")
+
+
 def _innovations(
     recorded: Recorded, innovation: tuple[str, str], ratio: tuple[str, str], label: str
 ) -> Iterator[Innovation]:
@@ -230,4 +247,5 @@ def _innovations(
             continue
         tested = ratios.at(values.times)
         gate = np.abs(values.values) / np.sqrt(np.where((tested > 0) & (values.values != 0), tested, np.nan))
-        yield Innovation(f"{label}{place}", values.unit, values.times, values.values, gate)
+        unit = values.unit or unit_of(label)
+        yield Innovation(f"{label}{place}", unit, values.times, values.values, gate)

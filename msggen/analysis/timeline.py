@@ -8,15 +8,13 @@ from typing import NamedTuple
 
 from msggen.analysis.recorded import Recorded, spans
 from msggen.base.diagnostics import printable
-from msggen.messages.nav_states import EXTERNAL, MODE_CONSTANTS, MODE_TITLES, mode_number
+from msggen.messages.nav_states import EXTERNAL, MODE_TITLES, TITLES_OF_CONSTANTS, mode_number
 from msggen.recordings.log.series import MODES
 
 _REPLY = "register_ext_component_reply"
 """The topic in which PX4 tells which mode it gave to a program."""
 TOPICS = frozenset({MODES[0], _REPLY})
 """The topics that flight modes and failsafes are from."""
-_NAMES = {constant: MODE_TITLES[mode] for mode, constant in MODE_CONSTANTS.items()}
-"""The names of modes in ground stations, by those in PX4."""
 COLOURS = 10
 """The number of colours of modes."""
 
@@ -124,7 +122,7 @@ def _name(name: str) -> str:
         return f"Mode {name}"
     front = name.rstrip("0123456789")
     number = name[len(front) :]
-    return _NAMES.get(name) or " ".join(filter(None, [front.replace("_", " ").capitalize(), number]))
+    return TITLES_OF_CONSTANTS.get(name) or " ".join(filter(None, [front.replace("_", " ").capitalize(), number]))
 
 
 def _marks(recorded: Recorded) -> list[Mark]:

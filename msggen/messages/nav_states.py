@@ -60,6 +60,8 @@ MODE_NAMES: Final[Mapping[int, str]] = MappingProxyType({mode: title.lower() for
 """The names in programs: `hold`."""
 MODE_CONSTANTS: Final[Mapping[int, str]] = MappingProxyType({mode: constant for mode, (constant, _) in _MODES.items()})
 """The constants: `AUTO_LOITER`."""
+TITLES_OF_CONSTANTS: Final[Mapping[str, str]] = MappingProxyType(dict(_MODES.values()))
+"""The names for people by the constants."""
 SELECTABLE: Final[Mapping[str, int]] = MappingProxyType(
     {name: mode for mode, name in MODE_NAMES.items() if mode not in {TERMINATION, *EXTERNAL}}
 )

@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 
 from msggen import analysis, recordings
+from msggen.analysis.outputs import unit_of
 from msggen.recordings import Log, RecordingError
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.read import read
 from support.written import write_recording
 
 
@@ -90,7 +93,7 @@ def test_gates_are_those_of_the_test_ratios(tmp_path: Path, px4_types: Any) -> N
     assert np.array_equal(np.isnan(found.gate), found.values == 0)
     assert found.gate[found.values != 0] == pytest.approx(3)
     assert found.shares[0] == pytest.approx(-2 / 3)
-    assert found.text == "baro_hgt: up to 5, 25 % beyond the gate"
+    assert found.text == "baro_hgt: up to 5 m, 25 % beyond the gate"
 
 
 def test_innovations_of_one_topic_have_gates_too(tmp_path: Path, px4_types: Any) -> None:
@@ -120,3 +123,13 @@ def test_what_is_not_recorded_is_said(tmp_path: Path, px4_types: Any) -> None:
             RecordingError, match=r"no topic of a gyroscope .* 'sensor_gyr', did you mean 'sensor_gyro'"
         ):
             analysis.sensor_spectrum(log, "sensor_gyr")
+
+
+def test_innovations_of_all_sources_of_all_releases_have_units() -> None:
+    for release in EMBEDDED:
+        topics = (topic for message in read(release).uorb_messages for topic in message.topic_names)
+        sources = [
+            topic.removeprefix("estimator_aid_src_") for topic in topics if topic.startswith("estimator_aid_src_")
+        ]
+        assert len(sources) > 10
+        assert [each for each in sources if not unit_of(each)] == []

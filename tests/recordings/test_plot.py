@@ -102,9 +102,9 @@ def test_the_flight_modes_are_the_background_of_all_panels(log: recordings.Log) 
     for axes in figure.axes:
         patches: list[Any] = list(axes.patches)
         found = {patch.get_label(): (patch.get_x(), patch.get_x() + patch.get_width()) for patch in patches}
-        assert found == {"_AUTO_LOITER": (0, 2), "_OFFBOARD": (2, 6), "_AUTO_LAND": (6, 9)}
+        assert found == {"_Hold": (0, 2), "_Offboard": (2, 6), "_Land": (6, 9)}
         assert len({patch.get_facecolor() for patch in patches}) == 3
-    assert [text.get_text() for text in figure.axes[0].texts] == ["AUTO_LOITER", "OFFBOARD", "AUTO_LAND"]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["Hold", "Offboard", "Land"]
     assert not figure.axes[1].texts
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.base.diagnostics import few, printable, shortened, suggestion
+from msggen.messages.nav_states import TITLES_OF_CONSTANTS
 from msggen.recordings.columns.annotations import Annotation, annotation_of
 from msggen.recordings.columns.arrays import names_of
 from msggen.recordings.source.source import RecordingError
@@ -177,7 +178,8 @@ def read_modes(log: Log, *, start: float | None = None, stop: float | None = Non
     except RecordingError:
         return None
     numbered = {value: f"{MODES[1]} {value}" for value in np.unique(modes.values).tolist()}
-    about = modes.annotation._replace(members={**numbered, **modes.annotation.members})
+    named = {value: TITLES_OF_CONSTANTS.get(name, name) for value, name in modes.annotation.members.items()}
+    about = modes.annotation._replace(members={**numbered, **named})
     return replace(modes, annotation=about, end=max(modes.end, _end_of(modes, stop)))
 
 
