@@ -24,8 +24,7 @@ from msggen.cli.values import Deferred, local_path, non_empty
 from msggen.cli.watching import watching
 from msggen.link.address import parse_address
 from msggen.link.link_types import CLIENTS, DEFAULT, ROUTER_PORT, usages
-from msggen.messages.names import stem_of
-from msggen.messages.zenoh_topics import ABSENT
+from msggen.messages.packages import zenoh_endpoints
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import find_sources
 
@@ -284,7 +283,8 @@ def _check_parameters(options: argparse.Namespace, package: ModuleType) -> None:
 
 def _contents(package: ModuleType, address: str) -> str:
     is_on_zenoh = parse_address(address).link_type.has_router
-    found = [each for each in topics_of(package).ENDPOINTS if not (is_on_zenoh and stem_of(each.ros_name) in ABSENT)]
+    every = topics_of(package).ENDPOINTS
+    found = zenoh_endpoints(package) if is_on_zenoh else [each for each in every if each.object_id is not None]
     directions = [endpoint.direction for endpoint in found]
     return f"{directions.count('out')} topics out, {directions.count('in')} in"
 
