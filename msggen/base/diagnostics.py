@@ -76,6 +76,8 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "Y204": Level.ERROR,
         "Y205": Level.ERROR,
         "Y206": Level.NOTE,
+        "Y207": Level.WARNING,
+        "Y208": Level.NOTE,
         "S101": Level.ERROR,
         "S102": Level.ERROR,
         "S103": Level.ERROR,

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import chain
 
 from msggen.base.diagnostics import OF_BOARDS, Diagnostic, InputError, counted, suggestion
 from msggen.base.disk.record import NO_RECORD, RECORD_NAME, Record, parse_record
@@ -23,6 +24,7 @@ from msggen.sources.embedded import release_path
 from msggen.sources.finding import Sources, read_files
 from msggen.sources.history import read_history
 from msggen.sources.inferred import Inference
+from msggen.sources.unbridged import on_one_list
 
 _OF_NEW_VERSIONS = ("S119",)
 """Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""
@@ -59,7 +61,8 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     )
     rules = _as_strict(CHECKED, current)
     report = _report(comparison, rules, list(find(comparison, rules)), ("matches", "differs from"))
-    return replace(report, notices=_without((*before.notices, *after.notices), OF_BOARDS))
+    of_lists = chain(*(on_one_list(each) for each, of in ((before, previous), (after, current)) if of.is_tree))
+    return replace(report, notices=_without((*before.notices, *after.notices, *of_lists), OF_BOARDS))
 
 
 def _inference(sources: Sources) -> Inference | None:

@@ -250,6 +250,8 @@ def agent_of(options: argparse.Namespace, named: str | None) -> str:
     if named or not settings.link:
         return named or DEFAULT
     link = _parsed(settings.link, settings.place("link"))
+    if link.link_type.has_router:  # which the vehicle and the programs look for
+        return str(link)
     if not link.link_type.has_port or link.has_free_port:
         return DEFAULT
     return str(_parsed(DEFAULT, Location("", 0))._replace(host=_LOOPBACK.get(link.host, link.host), port=link.port))

@@ -102,7 +102,8 @@ APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", DEPTH)
 
 
 class Endpoint(NamedTuple):
-    """A bridged topic, as DDS and ROS 2 see it. `object_id` is the id that the XRCE client gives it.
+    """A bridged topic, as DDS and ROS 2 see it. `object_id` is the id that the XRCE client gives it, None if only
+    PX4's list for Zenoh has the topic. `zenoh` is the entry of that list, None if it does not have the topic.
 
     `publish_interval_ms` is the shortest time between two samples that PX4 sends: 0 if it sends all samples in its
     queue, None for topics into PX4.
@@ -111,8 +112,21 @@ class Endpoint(NamedTuple):
     entry: BridgeEntry
     message: Message
     ros_name: str
-    object_id: int
+    object_id: int | None
     publish_interval_ms: int | None
+    zenoh: BridgeEntry | None = None
+
+    @property
+    def options_text(self) -> str:
+        """The options of Zenoh's client."""
+        return (self.zenoh or self.entry).options_text
+
+    def zenoh_key(self, catalog: Catalog) -> str:
+        """Return the key of the samples on Zenoh in domain 0, "" for none (docs/wire.md, 17)."""
+        if self.zenoh is None:
+            return ""
+        instance = "" if self.zenoh.instance is None else self.zenoh.instance
+        return f"0{self.zenoh.topic}{instance}/{self.message.dds_type}/{type_hash(catalog, self.message)}"
 
     @property
     def dds_name(self) -> str:
@@ -141,15 +155,19 @@ _SOURCES = 2
 
 
 def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
-    """Return the endpoints in the YAML's order: those of publications, subscriptions, then subscriptions_multi."""
+    """Return the endpoints in the YAML's order: those of publications, subscriptions, then subscriptions_multi.
+
+    In each direction, those that only PX4's list for Zenoh has come last.
+    """
     by_name = {message.name: message for message in catalog.uorb_messages}
-    orb_ids = {topic.name: topic.orb_id for topic in uorb_topics(catalog)}
+    topics = {topic.name: topic for topic in uorb_topics(catalog)}
+    on_zenoh = {entry.crossing: entry for entry in catalog.zenoh}
     found = []
     subscriptions = 0
     for entry in catalog.bridge:
         message = by_name[entry.message_name]
         if entry.direction is Direction.OUT:
-            object_id = orb_ids[entry.uorb_topic] + (entry.instance or 0) * len(orb_ids)
+            object_id = topics[entry.uorb_topic].orb_id + (entry.instance or 0) * len(topics)
             interval = _interval(entry, catalog.conventions)
         else:
             object_id = catalog.conventions.first_subscription_id + subscriptions
@@ -161,9 +179,14 @@ def endpoints(catalog: Catalog) -> tuple[Endpoint, ...]:
             ros_name=_ros_name(entry, message, catalog.conventions),
             object_id=object_id,
             publish_interval_ms=interval,
+            zenoh=on_zenoh.pop(entry.crossing, None),
         )
         found.append(endpoint)
-    return tuple(found)
+    for entry in on_zenoh.values():
+        message = topics[entry.uorb_topic].message  # whatever the YAML says: the client takes the topic's
+        name = _ros_name(entry, message, catalog.conventions)
+        found.append(Endpoint(entry, message, name, None, 0 if entry.direction is Direction.OUT else None, entry))
+    return tuple(sorted(found, key=lambda endpoint: endpoint.entry.direction is Direction.IN))
 
 
 def _interval(entry: BridgeEntry, conventions: Conventions) -> int:

@@ -330,6 +330,11 @@ class BridgeEntry(NamedTuple):
         return self.topic.rsplit("/", 1)[-1]
 
     @property
+    def crossing(self) -> tuple[Direction, str, int | None]:
+        """What the entry of the other list has that carries the same samples: direction, name and instance."""
+        return self.direction, self.topic, self.instance
+
+    @property
     def package(self) -> str:
         """The ROS 2 package that the YAML names."""
         return self.type_name.split("::")[0]
@@ -360,9 +365,10 @@ class Catalog(NamedTuple):
     """A consistent set of definitions: every nested type is defined, every name is unique in its package.
 
     The messages of `package` are on uORB and have topics; messages of other packages exist only in ROS 2. `archived`
-    has the archived versions by key, if they were requested; they are not on uORB and have no topics. `translations`
-    are the firmware's conversions between versions. `bridge_extra` has the unknown top-level keys of
-    `dds_topics.yaml`. `notices` are the warnings and notes about the sources.
+    has the archived versions by key, if they were requested; they are not on uORB and have no topics. `zenoh` has the
+    entries of PX4's list for Zenoh, which carries topics beside the bridge or instead of it. `translations` are the
+    firmware's conversions between versions. `bridge_extra` has the unknown top-level keys of `dds_topics.yaml`.
+    `notices` are the warnings and notes about the sources.
     """
 
     messages: Mapping[str, Message]
@@ -371,6 +377,7 @@ class Catalog(NamedTuple):
     conventions: Conventions
     package: str = DEFAULT_PACKAGE
     archived: Mapping[str, Message] = MappingProxyType({})
+    zenoh: tuple[BridgeEntry, ...] = ()
     translations: tuple["Translation", ...] = ()
     bridge_extra: Mapping[str, object] = MappingProxyType({})
     notices: tuple[Diagnostic, ...] = ()

@@ -77,10 +77,10 @@ class _Topic(NamedTuple):
 class _File:
     """A file and its topics."""
 
-    def __init__(self, path: str, compression: str) -> None:
+    def __init__(self, path: str, compression: str, clock: str) -> None:
         from msggen.exports.writer import Writer
 
-        self.writer: Writer = Writer(path, compression)
+        self.writer: Writer = Writer(path, compression, clock)
         self.topics: dict[str, _Topic] = {}
         self.first = 0
         """The arrival of the first sample, 0 before it."""
@@ -94,7 +94,8 @@ class Recorder:
     of them may exist at the start. The number of a file that appears later is left out.
 
     `describe` returns the channel of a route, and may be slow. It is called by the thread of the recorder once
-    `is_ready` returns True; until then, samples wait. `takes` tells whether to record a route.
+    `is_ready` returns True; until then, samples wait. `takes` tells whether to record a route. `clock` is a note on the
+    times of messages, for the metadata of the files.
 
     `ended` is set when the recording has ended by itself: by a limit, or by an error of the disk, which `error` has.
     Raises OSError if the first file cannot be created, FileExistsError among them.
@@ -109,8 +110,9 @@ class Recorder:
         is_ready: Callable[[], bool] = lambda: True,
         compression: str = "zstd",
         limits: Limits = Limits(),  # noqa: B008 - it is immutable
+        clock: str = "",
     ) -> None:
-        self._path, self._compression, self._limits = path, compression, limits
+        self._path, self._compression, self._limits, self._clock = path, compression, limits, clock
         self._describe, self._takes, self._is_ready = describe, takes, is_ready
         self._queue: deque[tuple[Route, bytes, int]] = deque()
         self._put = self._taken = self._dropped = 0
@@ -247,7 +249,7 @@ class Recorder:
         if self._limits.is_split:
             while os.path.lexists(path := part_of(self._path, self._number)):
                 self._number += 1
-        file = _File(path, self._compression)
+        file = _File(path, self._compression, self._clock)
         self._files.append(path)
         return file
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from mcap.opcode import Opcode
 
 from msggen.recordings.files.mcap.layouts import FRONT, INDEX_ENTRY, MESSAGE_HEAD
+from msggen.recordings.files.mcap.metadata import CLOCK
 from msggen.recordings.files.mcap.writer import CHUNK, COMPRESSIONS, SMALLER, Chunk, ChunkWriter, Target, unindexed_end
 from msggen.recordings.files.rosbag2.qos import QOS
 
@@ -38,9 +39,9 @@ class Channel(NamedTuple):
 
 
 class Writer:
-    """A new file. Raises OSError, FileExistsError among them."""
+    """A new file, with a note on the clock of its messages. Raises OSError, FileExistsError among them."""
 
-    def __init__(self, path: str, compression: str = "zstd") -> None:
+    def __init__(self, path: str, compression: str = "zstd", clock: str = "") -> None:
         self.path = path
         self._file = _WholeFile(path)
         self._data = bytearray()
@@ -49,6 +50,8 @@ class Writer:
         self._times: list[int] = []
         try:
             self._writer = ChunkWriter(self._file, compression, SMALLER)
+            if clock:
+                self._writer.add_metadata(CLOCK, {"notes": clock})
             self._file.flush()
         except (OSError, ImportError):
             self._file.close()

@@ -98,7 +98,7 @@ def _summary(catalog: "Catalog") -> str:
         *([counted(len(catalog.archived), "archived version")] if catalog.archived else ()),
         counted(len(services), "service"),
         counted(sum(len(message.topic_names) for message in messages), "uORB topic"),
-        counted(len(catalog.bridge), "endpoint"),
+        counted(len({entry.crossing for entry in (*catalog.bridge, *catalog.zenoh)}), "endpoint"),
     )
     release = catalog.conventions.release
     named = release if release < "v1.16" and release != "main" else "v1.16 and later"

@@ -42,4 +42,5 @@ def buffered(sources: Sources, buffers: Buffers) -> Sources:
         messages=tuple(map(of, sources.messages)),
         services=tuple(map(of, sources.services)),
         bridge=sources.bridge and of(sources.bridge),
+        zenoh=sources.zenoh and of(sources.zenoh),
     )

@@ -197,7 +197,7 @@ def _proposals(state: State, path: str, lines: Sequence[str], line: int, prefix:
         yield from in_definition(state, _message_at(state, path, line), prefix)
     elif is_settings(path):
         yield from complete_settings(lines, line, prefix)
-    elif state.sources and state.sources.bridge and state.sources.bridge.path == path:
+    elif state.sources and path in {file.path for file in (state.sources.bridge, state.sources.zenoh) if file}:
         yield from in_bridge(state, lines, line, prefix)
 
 

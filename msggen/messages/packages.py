@@ -64,8 +64,13 @@ class Endpoint(Protocol[MessageT_co]):
         ...
 
     @property
-    def object_id(self) -> int:
-        """The number of the endpoint at the client."""
+    def object_id(self) -> int | None:
+        """The number of the endpoint at the client, None if only PX4's list for Zenoh has it."""
+        ...
+
+    @property
+    def on_zenoh(self) -> bool:
+        """Whether PX4's list for Zenoh has it."""
         ...
 
     @property
@@ -236,6 +241,11 @@ def endpoint_of(package: ModuleType, name: str, way: Way) -> tuple[Endpoint[Mess
     ros_name = package.topics.versions_of(name)[-1].ros_name
     found = next(each for each in package.topics.ENDPOINTS if ros_name.endswith(each.ros_name))
     return found, ros_name[: -len(found.ros_name)].strip("/") or None
+
+
+def zenoh_endpoints(package: ModuleType) -> tuple[Endpoint[Any], ...]:
+    """Return the endpoints that PX4's list for Zenoh has, or all of a package that was built without one."""
+    return tuple(each for each in package.topics.ENDPOINTS if each.on_zenoh) or tuple(package.topics.ENDPOINTS)
 
 
 def _plain_stem(package: ModuleType, stem: str) -> str:

@@ -45,7 +45,8 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
     publications, inputs, readers, writers = [], {}, [], []
     topics = import_module(f"{package.__name__}.topics")
     numbers = object_ids_of(topics, has_all=options.board != "most")
-    for endpoint, number in zip(topics.ENDPOINTS, numbers, strict=True):
+    bridged = [endpoint for endpoint in topics.ENDPOINTS if endpoint.object_id is not None]
+    for endpoint, number in zip(bridged, numbers, strict=True):
         name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
         if endpoint.direction == "in":
             readers.append(Reader(number, f"rt{name}", endpoint.dds_type, endpoint.qos.reader.depth))
@@ -61,19 +62,20 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
 
 
 def object_ids_of(topics: Any, *, has_all: bool = False) -> tuple[int, ...]:
-    """Return the object id of each endpoint of a package's module `topics`, in the order of `ENDPOINTS`.
+    """Return the object id of each endpoint of a package's module `topics` that crosses the bridge, in their order.
 
     They depend on the board: most have no messages with a condition (docs/wire.md, section 12), but for those whose
     topics cross the bridge. With `has_all`, the board has all of them.
     """
-    met = {topics.UORB[endpoint.uorb_topic].condition for endpoint in topics.ENDPOINTS} | {""}
+    bridged = [endpoint for endpoint in topics.ENDPOINTS if endpoint.object_id is not None]
+    met = {topics.UORB[endpoint.uorb_topic].condition for endpoint in bridged} | {""}
     built = [topic for topic in topics.UORB.values() if has_all or topic.condition in met]
     orb_ids = {topic.name: place for place, topic in enumerate(sorted(built, key=lambda each: each.orb_id))}
     return tuple(
         endpoint.object_id
         if endpoint.direction == "in"
         else orb_ids[endpoint.uorb_topic] + (endpoint.instance or 0) * len(orb_ids)
-        for endpoint in topics.ENDPOINTS
+        for endpoint in bridged
     )
 
 

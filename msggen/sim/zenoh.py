@@ -19,7 +19,7 @@ from msggen.link.xrce.client_entities import Settings
 from msggen.link.xrce.client_events import Connected, Event, Exchange, Received
 from msggen.link.xrce.wire import ENCAPSULATION
 from msggen.messages.names import stem_of
-from msggen.messages.zenoh_topics import ABSENT
+from msggen.messages.packages import zenoh_endpoints
 from msggen.sim.endpoints import Endpoints, Input
 from msggen.sim.options import Options
 from msggen.sim.publishing import Publication, publication_of
@@ -66,8 +66,8 @@ class Declared(NamedTuple):
 def zenoh_endpoints_of(package: ModuleType, options: Options) -> Endpoints:
     """Return the endpoints of a generated package that PX4's list for Zenoh has: without versions and limits."""
     namespace = f"/{options.namespace}" if options.namespace else ""
-    topics = import_module(f"{package.__name__}.topics")
-    endpoints = [each for each in topics.ENDPOINTS if stem_of(each.ros_name) not in ABSENT]
+    import_module(f"{package.__name__}.topics")
+    endpoints = zenoh_endpoints(package)
     is_by_type = not any(each.uorb_topic == "setpoint_config" for each in endpoints)
     publications, inputs, out, to = [], {}, {}, {}
     for number, endpoint in enumerate(endpoints):

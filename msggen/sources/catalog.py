@@ -79,7 +79,8 @@ def look(
     """
     reader = _Reader(sources, contents)
     everything, services, archived = reader.messages(), reader.services(), reader.archived()
-    parsed = reader.bridge()
+    parsed = reader.topics(sources.bridge)
+    zenoh = reader.topics(sources.zenoh)
     messages = everything
     package = reader.package
     if wanted is not None:
@@ -107,6 +108,7 @@ def look(
         *(check_fixed_sizes(of_uorb, () if nesting else everything) if sources.is_tree else ()),
         *(check_no_defaults(of_uorb) if sources.is_tree else ()),
         *check_bridge(parsed.entries, everything, package, reasons),
+        *(_accepted(found) for found in check_bridge(zenoh.entries, everything, package, reasons)),
         *(check_lists(sources, reader.lists) if reader.lists else ()),
     ]
     conventions = _conventions(sources, reader, everything, parsed)
@@ -124,10 +126,16 @@ def look(
         conventions=conventions,
         package=package,
         archived=versions,
+        zenoh=tuple(entry for entry in zenoh.entries if entry.uorb_topic in topics),
         translations=reader.translations(),
         bridge_extra=parsed.extra,
     )
     return catalog, [*sources.notices, *errors, *newer]
+
+
+def _accepted(found: Diagnostic) -> Diagnostic:
+    """Return an error in PX4's list for Zenoh as a warning: the build takes the list as it is, whatever it names."""
+    return found._replace(code="Y207") if found.level is Level.ERROR else found
 
 
 def bridged_names(*sides: Sources) -> set[str]:
@@ -292,11 +300,11 @@ class _Reader:
         headers = {file.name.rpartition("/")[2]: self.contents[file.path] for file in self.sources.translations}
         return read_headers({name: data.decode(errors="replace") for name, data in headers.items()})
 
-    def bridge(self) -> Bridge:
-        if self.sources.bridge is None:
+    def topics(self, file: File | None) -> Bridge:
+        """Return a list of topics, an empty one if the sources have no such file."""
+        if file is None:
             return Bridge()
-        path = self.sources.bridge.path
-        bridge = parse_bridge(self.contents[path], path)
+        bridge = parse_bridge(self.contents[file.path], file.path, is_zenoh=file is self.sources.zenoh)
         self.errors += bridge.found
         return bridge
 

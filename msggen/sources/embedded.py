@@ -26,6 +26,9 @@ ARCHIVED = "msg/px4_msgs_old/msg/"
 FOLDERS = ("", "msg/", "msg/versioned/", ARCHIVED, "srv/")
 """The folders that contain the files of a release."""
 
+LISTS = ("dds_topics.yaml", "zenoh_topics.yaml")
+"""The lists of topics of a release: those that cross the bridge, and those on Zenoh."""
+
 _NAME = re.compile(r"v\d+\.\d+")
 _HEAD = re.compile(r"(?:#.*\n)*")
 
@@ -180,7 +183,7 @@ def newest_version(name: str) -> int | None:
 
 def is_of_release(name: str) -> bool:
     """Whether a file of this name belongs to a release."""
-    return name.endswith((".msg", ".srv")) or name == "dds_topics.yaml"
+    return name.endswith((".msg", ".srv")) or name in LISTS
 
 
 def sections(text: str) -> list[tuple[str, str]]:

@@ -26,6 +26,7 @@ from msggen.sources.tree_layout import (
     find_file,
     find_files,
     find_manifest,
+    find_zenoh,
     is_firmware,
     unread_folders,
 )
@@ -60,6 +61,7 @@ class Sources(NamedTuple):
     - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
       `board` does not build, with the condition under which each is listed, "" for those that are not listed. They are
       not in `messages`.
+    - `zenoh` is PX4's list for Zenoh, if the `bridge` is the tree's own.
     - `is_partial` is set for the definitions of a recording, which are only some of its firmware's, and those of a
       generated package for a recording. Those that are missing are not compared, nor are comments.
     """
@@ -85,6 +87,7 @@ class Sources(NamedTuple):
     unbuilt: Mapping[File, str] = MappingProxyType({})
     is_partial: bool = False
     is_installed: bool = False
+    zenoh: File | None = None
 
     @property
     def has_own(self) -> bool:
@@ -112,7 +115,7 @@ class Sources(NamedTuple):
 
     def files(self) -> tuple[File, ...]:
         """Return all files, in an order that does not depend on the machine."""
-        single = [file for file in (self.bridge, self.lists) if file]
+        single = [file for file in (self.bridge, self.zenoh, self.lists) if file]
         versions = (*self.archived, *self.translations)
         board = self.board.files if self.board else ()
         return (*self.messages, *self.services, *single, *self.manifests, *versions, *self.client, *board)
@@ -189,8 +192,9 @@ def find_sources(
             fail_without_definitions(root.tree)
     first = roots[0]
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
+    zenoh = None
     if bridge is None and (px4 is not None or not is_named):
-        bridge = find_bridge(first.tree)
+        bridge, zenoh = find_bridge(first.tree), find_zenoh(first.tree)
     is_tree = not first.package and is_firmware(first.tree)
     client = [name for name in CLIENT_SOURCES if is_tree and first.tree.is_file(name)]
     return Sources(
@@ -209,6 +213,7 @@ def find_sources(
         lists=None if first.package else find_file(first.tree, LISTS),
         notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*(_notices(root) for root in roots))),
         is_installed=first.is_installed,
+        zenoh=zenoh,
     )
 
 

@@ -28,6 +28,8 @@ _OLD_SCRIPTS = ("msg/tools", "msg/templates/uorb")
 
 _CLIENT = "src/modules/uxrce_dds_client"
 _BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
+_ZENOH_PLACES = ("src/modules/zenoh/dds_topics.yaml", "zenoh_topics.yaml")
+"""The places in a tree, and in an embedded release."""
 
 CLIENT_SOURCES = (f"{_CLIENT}/dds_topics.h.em", f"{_CLIENT}/utilities.hpp")
 """The sources of the bridge's client that show its conventions."""
@@ -73,6 +75,11 @@ def unread_folders(tree: Tree) -> Iterator[Diagnostic]:
 def find_bridge(tree: Tree) -> File | None:
     """Return the dds_topics.yaml of a tree, None if it is missing."""
     return next(filter(None, (find_file(tree, place) for place in _BRIDGE_PLACES)), None)
+
+
+def find_zenoh(tree: Tree) -> File | None:
+    """Return PX4's list for Zenoh, of the form of dds_topics.yaml. None if it is missing, as before v1.17."""
+    return next(filter(None, (find_file(tree, place) for place in _ZENOH_PLACES)), None)
 
 
 def find_manifest(tree: Tree) -> File | None:

@@ -1,11 +1,14 @@
-"""Messages of one's own that do not cross the bridge, which a developer of one is told when it is built."""
+"""Messages of one's own that do not cross the bridge, and topics that only one of the two lists of a tree has."""
 
 from collections.abc import Iterator
 
-from msggen.base.diagnostics import Diagnostic, few
+from msggen.base.diagnostics import Diagnostic, counted, few
 from msggen.base.location import Location
-from msggen.definitions.model import Catalog
-from msggen.sources.embedded import EMBEDDED, Releases
+from msggen.definitions.model import BridgeEntry, Catalog
+from msggen.definitions.parse.bridge import parse_bridge
+from msggen.sources.embedded import EMBEDDED, Releases, embedded_tree
+from msggen.sources.file import read_file
+from msggen.sources.tree_layout import find_bridge
 
 _NEWER = "S119"
 """The note about a firmware that is newer than the releases: its messages are not the user's own."""
@@ -20,9 +23,27 @@ def unbridged(catalog: Catalog) -> Iterator[Diagnostic]:
     if not own:
         return
     nested = {inner.key for outer in catalog.messages.values() for inner in catalog.nested_all(outer)}
-    bridged = {entry.message_name for entry in catalog.bridge}
+    bridged = {entry.message_name for entry in (*catalog.bridge, *catalog.zenoh)}
     names = [each.name for each in own if each.name not in bridged and each.key not in nested]
     if names:
         place = Location(catalog.bridge[0].location.path, 0)
         text = f"no topic of {few(names)} crosses the bridge: add it here for programs beyond PX4"
         yield Diagnostic(place, "Y206", text)
+
+
+def on_one_list(catalog: Catalog) -> Iterator[Diagnostic]:
+    """Yield a note for each list of a tree, of the topics that only the other one has: one's own first."""
+    for own, other, what in ((catalog.bridge, catalog.zenoh, "Zenoh"), (catalog.zenoh, catalog.bridge, "DDS")):
+        there = {entry.crossing for entry in other}
+        only = [entry for entry in own if entry.crossing not in there]
+        if only and other:
+            verb = "is" if len(only) == 1 else "are"
+            text = f"{len(only)} of {counted(len(own), 'topic')} {verb} not on {what}: {few(_own_first(only))}"
+            yield Diagnostic(Location(other[0].location.path, 0), "Y208", text)
+
+
+def _own_first(entries: list[BridgeEntry]) -> list[str]:
+    """Return the names of topics, those that PX4 does not have first."""
+    file = find_bridge(embedded_tree(EMBEDDED[0]))
+    known = {entry.topic for entry in parse_bridge(read_file(file), file.path).entries} if file else ()
+    return sorted((entry.topic for entry in entries), key=lambda topic: (topic in known, topic))

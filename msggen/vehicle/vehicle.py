@@ -36,8 +36,8 @@ from msggen.messages.packages import (
     package_of_class,
     packages_of,
     response_of,
+    zenoh_endpoints,
 )
-from msggen.messages.zenoh_topics import ABSENT
 from msggen.vehicle.absence import PATIENCE, absence
 from msggen.vehicle.entry import Entry, Member
 from msggen.vehicle.feed import LOGGER, Feed, Options
@@ -541,7 +541,8 @@ class Vehicle:
             raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
         names = [stem_of(route.name) for route in tuple(entry.routes.values()) if route.direction == "in"]
         is_own = found.namespace in (None, entry.remote.namespace)
-        is_absent = bool(entry.remote.guid) and found.stem in ABSENT
+        on_zenoh = {stem_of(each.ros_name) for each in zenoh_endpoints(found.package)} if entry.remote.guid else ()
+        is_absent = bool(entry.remote.guid) and found.stem not in on_zenoh
         near = suggestion(found.stem, names) if is_own and not is_absent else ""
         why = near or f": {why_missing(entry.remote, found.namespace)}"
         raise TopicError(f"{shown(entry.remote)} does not read '{found.name}'{why}")

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from msggen import recordings
 from msggen.base.missing import installing
 from msggen.cli import main
 from msggen.exports.writer import Channel, Writer
@@ -316,3 +317,30 @@ def test_a_recording_is_named_after_the_time_and_played_without_an_agent(
     assert file.name in capsys.readouterr().out
     assert main(["play", file.name, "--to", address, "--for", "0.2"]) == 1
     assert "no program answered" in capsys.readouterr().err
+
+
+def test_a_recording_over_zenoh_tells_that_its_times_are_since_boot(
+    px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("zenoh")
+    url = f"zenoh://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [SHORT]):
+        assert record(url, "-o", "flight", "--for", "0.5", "--direct", "vehicle_status", "vehicle_attitude") == 0
+    (note,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+    text = note.removeprefix("note: ")
+    assert "times since its boot" in text
+    assert text in (ROOT / "docs" / "recordings.md").read_text()
+    assert recordings.open("flight.mcap").notes == [text]
+    assert main(["log", "info", "flight.mcap"]) == 0
+    assert text in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("setting", ["", 'link = "zenoh://127.0.0.1:7447"'])
+def test_a_recording_is_not_played_onto_zenoh(setting: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("pyproject.toml").write_text(f"[tool.msggen]\n{setting}\n")
+    Writer("flight.mcap").close()
+    assert main(["play", "flight.mcap", *([] if setting else ["--to", "zenoh://127.0.0.1:7447"])]) == 2
+    assert capsys.readouterr().err == (
+        "--to: L101 'zenoh://127.0.0.1:7447': a recording is played as by a client of DDS-XRCE, which is not on Zenoh: "
+        "let a program listen on a link such as udp://127.0.0.1:8888, and name that\n1 error\n"
+    )

@@ -37,6 +37,7 @@ from support.translations import class_of
 COUNT = 1000
 
 BRIDGE = "src/modules/uxrce_dds_client/dds_topics.yaml"
+ZENOH = "src/modules/zenoh/dds_topics.yaml"
 CLIENT_TEMPLATE = "src/modules/uxrce_dds_client/dds_topics.h.em"
 LISTS = "msg/CMakeLists.txt"
 BOARD = "boards/px4/sitl/default.px4board"
@@ -54,6 +55,9 @@ TREE = {
     "subscriptions:\n  - topic: /fmu/in/rpm\n    type: px4_msgs::msg::Rpm\n"
     "subscriptions_multi:\n  - topic: /fmu/in/wind\n    type: px4_msgs::msg::Wind\n    route_field: a\n"
     "    max_instances: 4\n",
+    ZENOH: "publications:\n  - topic: /fmu/out/rpm\n    type: px4_msgs::msg::Rpm\n"
+    "    options: {cc: block, rel: reliable, express: true, prio: data}\n"
+    "subscriptions:\n  - topic: /fmu/in/wind\n    type: px4_msgs::msg::Wind\n",
     LISTS: "set(msg_files\n\tWind.msg # first\n)\nif(CONFIG_A AND NOT (CONFIG_B OR CONFIG_C))\n"
     "\tlist(APPEND msg_files versioned/Rpm.msg)\nelseif(CONFIG_B)\nelse()\nendif()\n",
     "Kconfig": 'mainmenu "a"\nsource "src/*/Kconfig"\n'
@@ -72,7 +76,17 @@ WORDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "yaml": (
             *("publications:", "subscriptions:", "\n- ", "\n  - ", "    type: px4_msgs::msg::Rpm\n", "topic: "),
             *("/fmu/out/",),
-            *("rate_limit: ", "instance: ", "&a ", "*a", "<<: *a\n", "<<: [*a, *a]", "!!float ''", "!!int x"),
+            *(
+                "rate_limit: ",
+                "instance: ",
+                "options: {cc: ",
+                "&a ",
+                "*a",
+                "<<: *a\n",
+                "<<: [*a, *a]",
+                "!!float ''",
+                "!!int x",
+            ),
             *("!!null 1", "!!x"),
             *("!!python/object/apply:os.system [x]", "? ", ": ", "[", "]", "{", "}", "|", ">", "---\n", "..."),
             *("%YAML 1.1\n",),
@@ -147,7 +161,7 @@ WORDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 FILES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "yaml": (BRIDGE,),
+        "yaml": (BRIDGE, ZENOH),
         "cmake": (LISTS,),
         "kconfig": ("Kconfig", BOARD, "src/a/Kconfig"),
         "cpp": (f"{TRANSLATIONS}/translation_rpm_v1.h", f"{TRANSLATIONS}/all_translations.h"),
@@ -186,7 +200,7 @@ def samples(language: str) -> tuple[bytes, ...]:
         return (single[language].encode(),)
     found = [TREE[path].encode() for path in FILES[language]]
     if language == "yaml":
-        found.append((ROOT / "dds_topics.yaml").read_bytes())
+        found += [(ROOT / name).read_bytes() for name in ("dds_topics.yaml", "zenoh_topics.yaml")]
     return tuple(found)
 
 

@@ -89,7 +89,7 @@ def test_names_that_differ_in_case_get_files_that_differ_in_more(embedded: Catal
     """A folder on Windows or macOS can hold all files."""
     message = embedded.messages["px4_msgs/Rpm"]
     twins = [message._replace(name=name, topics=()) for name in ("Rpm", "RPM", "RpM")]
-    catalog = embedded._replace(messages={each.key: each for each in twins}, services=(), bridge=())
+    catalog = embedded._replace(messages={each.key: each for each in twins}, services=(), bridge=(), zenoh=())
     found = [name for name in render_site(Site(catalog, "")) if name.startswith("msg/")]
     assert len({name.casefold() for name in found}) == 3
 
@@ -382,7 +382,7 @@ def test_every_link_in_markdown_leads_somewhere(embedded: Catalog, site: Site) -
     keys = {each.key for one in chosen for each in (one, *embedded.nested_all(one))}
     messages = {key: message for key, message in embedded.messages.items() if key in keys}
     bridge = tuple(entry for entry in embedded.bridge if f"px4_msgs/{entry.message_name}" in keys)
-    few = embedded._replace(messages=messages, bridge=bridge)
+    few = embedded._replace(messages=messages, bridge=bridge, zenoh=())
     files = render_site(Site(few, "PX4 v1.18", "markdown", site.changes))
     markdown = MarkdownIt("commonmark", {"html": True}).enable("table")
     pages = {

@@ -175,6 +175,15 @@ def test_topics_without_their_own_time_are_aligned_by_log_time(px4_types: Any, t
         assert len(log.align("wind", "/mine", tolerance=float("inf"), start=0.01)) == 2
 
 
+def test_topics_whose_times_are_of_two_clocks_are_aligned_by_log_time(px4_types: Any, tmp_path: Path) -> None:
+    """A vehicle on Zenoh sends times since its boot, and programs UTC."""
+    boot = [px4_types.VehicleStatus(timestamp=12_000_000 + number) for number in range(3)]
+    utc = [px4_types.Wind(timestamp=START // 1000 + number) for number in range(3)]
+    log = opened(tmp_path, {"vehicle_status": boot, "wind": utc})
+    assert len(log.align("wind", "vehicle_status", tolerance=0.001)) == 3
+    assert len(log.align("wind", "vehicle_status", tolerance=0.001, by="timestamp")) == 0
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [

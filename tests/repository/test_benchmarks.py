@@ -380,7 +380,7 @@ def test_the_environment_is_kept_until_requirements_change(
 
 
 TREE = ("benchmarks", "generated", "msg", "msggen", "releases", "srv", "templates", "tests/vectors")
-FILES = ("LICENSE", "README.md", "dds_topics.yaml", "pyproject.toml")
+FILES = ("LICENSE", "README.md", "dds_topics.yaml", "zenoh_topics.yaml", "pyproject.toml")
 
 
 @pytest.mark.night

@@ -35,7 +35,18 @@ def swap(definition: str, one: str, other: str) -> str:
 
 
 SWAPPED = swap(ATTITUDE, "timestamp", "timestamp_sample")
-NEEDED = ("msggen", "templates", "msg", "srv", "dds_topics.yaml", "releases", "pyproject.toml", "README.md", "LICENSE")
+NEEDED = (
+    "msggen",
+    "templates",
+    "msg",
+    "srv",
+    "dds_topics.yaml",
+    "zenoh_topics.yaml",
+    "releases",
+    "pyproject.toml",
+    "README.md",
+    "LICENSE",
+)
 HOOKS = ".pre-commit-hooks.yaml"
 
 ENVIRONMENT = {

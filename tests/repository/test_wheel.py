@@ -50,7 +50,11 @@ def sdist(wheel: Path) -> Path:
 @pytest.mark.slow
 def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
-    assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
+    assert {
+        "msggen/templates/python/message.py.j2",
+        "msggen/embedded/dds_topics.yaml",
+        "msggen/embedded/zenoh_topics.yaml",
+    } <= names
     assert {"msggen/templates/ros2/package.xml.j2", "msggen/show/report/errors.yaml"} <= names
     messages = [name for name in names if name.startswith("msggen/embedded/msg/") and "px4_msgs_old" not in name]
     assert len([name for name in messages if name.endswith(".msg")]) == 259

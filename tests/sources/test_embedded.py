@@ -27,7 +27,7 @@ from msggen.definitions.model import Catalog, Comment, Conventions, Message
 from msggen.definitions.tags import INHERITED
 from msggen.definitions.unit import normalized_unit
 from msggen.sources.catalog import read_catalog
-from msggen.sources.embedded import ARCHIVED, EMBEDDED, PREFIX, comments_in, embedded_tree
+from msggen.sources.embedded import ARCHIVED, EMBEDDED, LISTS, PREFIX, comments_in, embedded_tree
 from msggen.sources.finding import Sources, find_sources, with_archived
 from msggen.sources.inferred import with_inferred
 from support import embed, facts
@@ -234,7 +234,7 @@ def test_files_lie_where_the_firmware_keeps_them(release: str) -> None:
     root = shared(f"firmware/{release}")
     theirs = {str(path.relative_to(root)) for path in [*root.glob("msg/**/*.msg"), *root.glob("srv/**/*.srv")]}
     files = embed.files_of(embedded_tree(release))
-    assert {path for name, (path, _) in files.items() if name != embed.BRIDGE} == theirs
+    assert {path for name, (path, _) in files.items() if name not in LISTS} == theirs
 
 
 @pytest.mark.parametrize("release", ARCHIVING)
@@ -346,7 +346,7 @@ def test_no_sentence_is_the_firmware_s() -> None:
         return found
 
     ours = sentences(ROOT.glob("msg/**/*.msg")) | sentences(ROOT.glob("releases/*.msgs"))
-    ours |= sentences(ROOT.glob("dds_topics.yaml"))
+    ours |= sentences(ROOT.glob("*_topics.yaml"))
     theirs = sentences(shared("firmware").glob("**/*.msg")) | sentences(shared("firmware").glob("**/*.yaml"))
     assert [ours[words] for words in ours.keys() & theirs.keys()] == []
 
@@ -374,6 +374,7 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         "# Values\n\nfloat32 speed  # [rpm] Revolutions.\nuint8 kind  # Source.\nuint8 KIND_MOTOR = 1  # A motor.\n",
         "msg/Gone.msg": "# Nothing of use.\n\nuint64 timestamp  # [us] Time since boot.\n",
         "dds_topics.yaml": "# Topics.\npublications: []\n",
+        "zenoh_topics.yaml": "# Topics.\npublications: []\n",
         "releases/v1.17.msgs": "# What.\n\n=== msg/Gone.msg\n\n=== msg/Rpm.msg\nuint64 timestamp\nfloat64 speed\n",
     }
     after = {
@@ -407,7 +408,7 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for release, expected in older.items():
         found = embed.files_of(embedded_tree(release))
         assert {name: path for name, (path, _) in found.items()} == {name: path for name, (path, _) in expected.items()}
-        for name in found.keys() - {embed.BRIDGE}:
+        for name in found.keys() - {*LISTS}:
             assert comments_in(found[name][1]) == comments_in(expected[name][1]), (release, name)
             assert embed.lines_of(found[name][1]) == embed.lines_of(expected[name][1]), (release, name)
 
@@ -424,12 +425,13 @@ def test_a_release_is_added_by_embedding_it_alone(tmp_path: Path) -> None:
     copy, tree = tmp_path / "copy", tmp_path / "PX4-Autopilot"
     for folder in ("msggen", "templates", "msg", "srv", "releases", "tests/support", "tests/vectors"):
         shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / embed.BRIDGE, copy)
-    client = tree / "src" / "modules" / "uxrce_dds_client"
-    client.mkdir(parents=True)
+    client, zenoh = (tree / "src" / "modules" / name for name in ("uxrce_dds_client", "zenoh"))
+    for name, place in zip(LISTS, (client, zenoh), strict=True):
+        place.mkdir(parents=True)
+        shutil.copy(ROOT / name, copy)
+        shutil.copy(ROOT / name, place / embed.BRIDGE)
     for folder in ("msg", "srv"):
         shutil.copytree(ROOT / folder, tree / folder)
-    shutil.copy(ROOT / embed.BRIDGE, client)
     (client / "dds_topics.h.em").write_text("#define UXRCE_DEFAULT_POLL_INTERVAL_MS 7\n['publish_interval_ms']")
     (client / "utilities.hpp").write_text("")
     (tree / "msg" / "Novelty.msg").write_text("uint64 timestamp\n")

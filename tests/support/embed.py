@@ -1,6 +1,6 @@
 """Embeds a new release of PX4: `python tests/support/embed.py PX4-Autopilot v1.19`.
 
-`msg/`, `srv/` and `dds_topics.yaml` become those of the firmware, without its comments. Our comments stay with each
+`msg/`, `srv/` and the lists of topics become those of the firmware, without its comments. Our comments stay with each
 field or constant that stays. The previously newest release becomes a file in `releases/` with its differences; the
 other files there do not change. All else that follows from the definitions is written too, and what does not follow is
 listed: `releases/README.md` has both.
@@ -33,12 +33,14 @@ from msggen.sources.embedded import (  # noqa: E402
     head_of,
     is_of_release,
 )
+from msggen.sources.embedded import LISTS as LISTS_OF_TOPICS  # noqa: E402
 from msggen.sources.finding import find_sources, with_archived  # noqa: E402
 from msggen.sources.tree import Folder, Tree  # noqa: E402
 from msggen.sources.tree_layout import CLIENT_SOURCES, LISTS  # noqa: E402
 from support import facts  # noqa: E402
 
-BRIDGE = "dds_topics.yaml"
+BRIDGE, ZENOH = LISTS_OF_TOPICS
+_OTHER_SIDE = {BRIDGE: "DDS", ZENOH: "Zenoh"}
 
 Files: TypeAlias = dict[str, tuple[str, str]]
 """Paths and texts by file name, which is unique in the firmware."""
@@ -65,8 +67,9 @@ def files_of_firmware(path: str, release: str) -> Files:
         for file in (*sources.messages, *sources.services, *sources.archived)
         if file.tree
     }
-    if sources.bridge and sources.bridge.tree:
-        found[BRIDGE] = (BRIDGE, bridge_text(sources.bridge.tree.read(sources.bridge.name).decode(), release))
+    for name, file in ((BRIDGE, sources.bridge), (ZENOH, sources.zenoh)):
+        if file and file.tree:
+            found[name] = (name, list_text(name, file.tree.read(file.name).decode(), release))
     return found
 
 
@@ -77,9 +80,9 @@ def lines_of(text: str) -> list[str]:
     return [code for code in codes if code] + topics
 
 
-def bridge_text(text: str, release: str, *, is_newest: bool = False) -> str:
-    """Return a bridge YAML without its comments; in the newest release, each key has its own line."""
-    head = f"# What crosses the bridge between uORB and DDS: the topics of PX4 {release}."
+def list_text(name: str, text: str, release: str, *, is_newest: bool = False) -> str:
+    """Return a list of topics without its comments; in the newest release, each key has its own line."""
+    head = f"# What crosses the bridge between uORB and {_OTHER_SIDE[name]}: the topics of PX4 {release}."
     lists = [[*_list(key, entries, is_newest=is_newest)] for key, entries in yaml.safe_load(text).items()]
     return ("\n\n" if is_newest else "\n").join(["\n".join(lines) for lines in ([head], *lists)])
 
@@ -94,7 +97,7 @@ def _list(key: str, entries: list[dict[str, Any]] | None, *, is_newest: bool) ->
 def _plain(value: Any) -> str:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
-    return yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("...\n").strip()
+    return yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=1000).removesuffix("...\n").strip()
 
 
 def earlier_release(release: str, older: Files, newer: Files, known: dict[str, list[str]]) -> str:
@@ -110,14 +113,17 @@ def earlier_release(release: str, older: Files, newer: Files, known: dict[str, l
             known.setdefault(name, []).append(newer[name][1])
             if path == newer[name][0] and _meaning(name, text) == _meaning(name, newer[name][1]):
                 continue
-        body = bridge_text(text, release) if name == BRIDGE else _without(text, known.get(name, []))
-        sections.append(f"=== {path}\n{body}\n" if path else f"=== {newer[name][0]}\n")
+        if not path:
+            sections.append(f"=== {newer[name][0]}\n")
+            continue
+        body = list_text(name, text, release) if name in _OTHER_SIDE else _without(text, known.get(name, []))
+        sections.append(f"=== {path}\n{body}\n")
     about = f"# The files of PX4 {release} that are not as in the next newer release: README.md has the format.\n"
     return "\n".join([about, *sections])
 
 
 def _meaning(name: str, text: str) -> object:
-    return yaml.safe_load(text) if name == BRIDGE else (lines_of(text), comments_in(text), head_of(text))
+    return yaml.safe_load(text) if name in _OTHER_SIDE else (lines_of(text), comments_in(text), head_of(text))
 
 
 def _without(text: str, newer: list[str]) -> str:
@@ -188,8 +194,8 @@ def store(older: Files, found: Files, release: str) -> Files:
 
 
 def _newest(name: str, text: str, release: str, older: Files) -> str:
-    if name == BRIDGE:
-        return bridge_text(text, release, is_newest=True) + "\n"
+    if name in _OTHER_SIDE:
+        return list_text(name, text, release, is_newest=True) + "\n"
     return merged(older[name][1], text) if name in older else text + "\n"
 
 
@@ -199,7 +205,7 @@ def uncommented(files: Files) -> list[str]:
 
 
 def _missing(path: str, name: str, text: str) -> Iterator[str]:
-    if name != BRIDGE and not path.startswith(ARCHIVED):
+    if name not in _OTHER_SIDE and not path.startswith(ARCHIVED):
         if not head_of(text):
             yield f"{path}: what the message is for"
         known = comments_in(text)

@@ -149,6 +149,14 @@ def test_sim_tells_what_crosses_zenoh(url: str) -> None:
     assert f"23 topics out, 26 in; 1 vehicle to {url}" in shown.stdout
 
 
+def test_sim_says_that_no_router_answers(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msggen.cli.commands.sim._NOTICE", 200_000)
+    shown = run(["sim", "--zenoh", url.replace("zenoh://", "tcp/"), "--for", "1"])
+    text = f"no Zenoh router answers at {url}: waiting for one, such as `msggen topic list --link {url}`\n"
+    assert shown.code == 0
+    assert shown.stderr.endswith(text)  # a note on types that are built may come before
+
+
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [

@@ -8,9 +8,7 @@ from msggen.base.location import Location
 from msggen.check.compare.comparison import Comparison
 from msggen.check.finding import Change, Excerpt
 from msggen.definitions.identity import Endpoint, endpoints
-from msggen.definitions.model import BridgeEntry, Catalog, Direction, snake_case
-
-_Key = tuple[str, "int | None", Direction]
+from msggen.definitions.model import Catalog, Direction, snake_case
 
 
 def find_removed(comparison: Comparison) -> Iterator[Change]:
@@ -111,12 +109,8 @@ def _both(comparison: Comparison) -> list[tuple[Endpoint, Endpoint]]:
     return [*_sorted(comparison)[2], *_moved(comparison)]
 
 
-def _by_entry(catalog: Catalog) -> dict[_Key, Endpoint]:
-    return {_key(endpoint.entry): endpoint for endpoint in endpoints(catalog)}
-
-
-def _key(entry: BridgeEntry) -> _Key:
-    return entry.topic, entry.instance, entry.direction
+def _by_entry(catalog: Catalog) -> dict[tuple[Direction, str, int | None], Endpoint]:
+    return {each.entry.crossing: each for each in endpoints(catalog) if each.object_id is not None}
 
 
 def _whole_name(endpoint: Endpoint) -> str:

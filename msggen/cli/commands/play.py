@@ -16,7 +16,7 @@ from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.screen import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
 from msggen.cli.watching import watching
-from msggen.link.link_types import CLIENTS, DEFAULT, usages
+from msggen.link.link_types import CLIENTS, DEFAULT, SIMULATED, usages
 
 if TYPE_CHECKING:
     from msggen.exports.player import Endpoints, Player
@@ -68,6 +68,7 @@ def _play(options: argparse.Namespace) -> int:
     from msggen.recordings.source.source import RecordingError
 
     options.to = agent_of(options, options.to)
+    _check_client(options.to)
     recording = _open(options)
     if options.start and options.start * 1e9 > recording.end - recording.start:
         options.parser.error(f"argument --start: the recording has {(recording.end - recording.start) / 1e9:.1f} s")
@@ -128,6 +129,13 @@ def _contents(recording: Log, endpoints: Endpoints) -> str:
     is_cut = any(each.offset is not None or each.size or each.samples for each in recording.problems)
     cut = " (cut off or damaged)" if is_cut else ""
     return f"{counted(len(endpoints.writers), 'topic')} of {endpoints.release}, {duration:.1f} s{cut}"
+
+
+def _check_client(address: str) -> None:
+    """Raise an InputError for a Zenoh router, to which vehicles connect, but no clients of DDS-XRCE."""
+    if any(address.lower().startswith(f"{scheme}:") for scheme in SIMULATED if scheme not in CLIENTS):
+        text = f"'{address}': a recording is played as by a client of DDS-XRCE, which is not on Zenoh: let a program "
+        raise input_error("--to", "L101", f"{text}listen on a link such as {DEFAULT}, and name that", 0)
 
 
 def _runner(options: argparse.Namespace, player: Player) -> Runner:

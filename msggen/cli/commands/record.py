@@ -38,6 +38,12 @@ _COMPRESSIONS = ("zstd", "lz4", "none")
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12}
 
 
+_SINCE_BOOT = (
+    "the vehicle's messages have times since its boot, as PX4's module zenoh sends them; log times are those of arrival"
+)
+"""What is said of a recording of a vehicle on Zenoh."""
+
+
 def add_to(commands: Commands) -> None:
     """Add the command to the command line."""
     parser = add_command(
@@ -131,8 +137,9 @@ def _record(options: argparse.Namespace) -> int:
         from msggen.generate.cache import package_of
 
         definitions = Definitions(found.vehicle, found.package, package_of)
-        recorder = _open(options, choice, definitions)
-        _Session(options, found, recorder, definitions).run()
+        clock = _SINCE_BOOT if found.vehicle.remote.guid else ""
+        recorder = _open(options, choice, definitions, clock)
+        _Session(options, found, recorder, definitions, clock).run()
     return DONE
 
 
@@ -165,7 +172,7 @@ def _first_file(output: str | None, options: argparse.Namespace) -> str:
     return taken_part(path) or part_of(path, 0)
 
 
-def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions) -> Recorder:
+def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions, clock: str) -> Recorder:
     from msggen.exports.recorder import Limits, Recorder
 
     path = _path(options.output)
@@ -177,6 +184,7 @@ def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions)
             is_ready=definitions.is_complete,
             compression=options.compression,
             limits=Limits(options.max_size, options.split_size, options.split_every),
+            clock=clock,
         )
     except FileExistsError as error:
         check_free(str(error.filename))
@@ -206,9 +214,14 @@ class _Session:
     """A recording that runs, and what is told of it."""
 
     def __init__(
-        self, options: argparse.Namespace, found: Connection, recorder: Recorder, definitions: Definitions
+        self,
+        options: argparse.Namespace,
+        found: Connection,
+        recorder: Recorder,
+        definitions: Definitions,
+        clock: str,
     ) -> None:
-        self._options, self._found = options, found
+        self._options, self._found, self._clock = options, found, clock
         self._recorder, self._definitions = recorder, definitions
         self._losses = _Losses(found.vehicle)
         self._status = Status(is_quiet=options.quiet or options.json)
@@ -278,11 +291,14 @@ class _Session:
 
     def _summarise(self, counts: Counts, seconds: float) -> None:
         if self._options.json:
-            print(dump(_summary(counts, self._losses.count, seconds)))
+            notes = [self._clock] if self._clock else []
+            print(dump({**_summary(counts, self._losses.count, seconds), "notes": notes}))
             return
         text = _shown(counts, self._losses.count)
         files = f", {len(counts.files)} files" if len(counts.files) > 1 else ""
         self._show(f"{text}, in {seconds:.1f} s{files}")
+        if self._clock:
+            self._show(f"note: {self._clock}")
         if counts.dropped:
             text = "were dropped, because the disk was too slow: record fewer topics, or on a faster disk"
             print(f"warning: {counted(counts.dropped, 'sample')} {text}", file=sys.stderr)

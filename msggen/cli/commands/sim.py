@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -24,8 +25,7 @@ from msggen.cli.values import local_path, non_empty
 from msggen.cli.watching import watching
 from msggen.link.address import parse_address
 from msggen.link.link_types import CLIENTS, DEFAULT, usages
-from msggen.messages.names import stem_of
-from msggen.messages.zenoh_topics import ABSENT
+from msggen.messages.packages import zenoh_endpoints
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import find_sources
 
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 _REFRESH = 0.5
 """The time in s after which news are printed."""
+_NOTICE = 3_000_000
+"""The time in us without a Zenoh router after which to say so."""
 
 
 def add_to(commands: Commands) -> None:
@@ -117,11 +119,20 @@ def _run(simulator: Simulator, options: argparse.Namespace) -> None:
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else simulator.now + seconds * 1e6
     status, state = Status(is_quiet=options.quiet), _State(simulator)
+    needs_router = parse_address(options.address).link_type.has_router and not options.quiet
+    notice = simulator.now + _NOTICE if needs_router else None
     try:
         with link_errors(options.address, has_owner=False):
             while end is None or simulator.now < end:
                 simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
                 status.show(*_changes(simulator), state=state.line)
+                if notice is not None and any(vehicle.is_connected for vehicle in simulator.vehicles):
+                    notice = None
+                elif notice is not None and simulator.now >= notice:
+                    notice = None
+                    other = f"`msggen topic list --link {options.address}`"
+                    text = f"no Zenoh router answers at {options.address}: waiting for one, such as {other}"
+                    print(text, file=sys.stderr, flush=True)
     finally:
         status.show()
 
@@ -275,7 +286,8 @@ def _check_parameters(options: argparse.Namespace, package: ModuleType) -> None:
 
 def _contents(package: ModuleType, address: str) -> str:
     is_on_zenoh = parse_address(address).link_type.has_router
-    found = [each for each in topics_of(package).ENDPOINTS if not (is_on_zenoh and stem_of(each.ros_name) in ABSENT)]
+    every = topics_of(package).ENDPOINTS
+    found = zenoh_endpoints(package) if is_on_zenoh else [each for each in every if each.object_id is not None]
     directions = [endpoint.direction for endpoint in found]
     return f"{directions.count('out')} topics out, {directions.count('in')} in"
 

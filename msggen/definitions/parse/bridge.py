@@ -31,6 +31,7 @@ _NAMED = {"/fmu/out/": Direction.OUT, "/fmu/in/": Direction.IN}
 
 _OF_PUBLICATIONS = ("rate_limit", "instance", "options")
 _OF_MULTI = ("route_field", "max_instances")
+_NOT_ON_ZENOH = ("rate_limit", *_OF_MULTI)
 KEYS = ("topic", "type", *_OF_PUBLICATIONS, *_OF_MULTI)
 """The keys of an entry that msggen knows."""
 
@@ -79,9 +80,12 @@ class Bridge(NamedTuple):
         return any(not suggestion(key, (*KEYS, *LISTS)) for key in unknown)
 
 
-def parse_bridge(data: bytes, path: str) -> Bridge:
-    """Return the entries in `data`, the bytes of `path`, with the errors and warnings found."""
-    reader = _Reader(path)
+def parse_bridge(data: bytes, path: str, *, is_zenoh: bool = False) -> Bridge:
+    """Return the entries in `data`, the bytes of `path`, with the errors and warnings found.
+
+    With `is_zenoh`, it is the list of Zenoh's client, which has no rates and no routes.
+    """
+    reader = _Reader(path, is_zenoh=is_zenoh)
     try:
         root = read_yaml(data, path)
     except InputError as error:
@@ -93,8 +97,9 @@ def parse_bridge(data: bytes, path: str) -> Bridge:
 class _Reader:
     """A reader of YAML nodes that collects errors and warnings."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, *, is_zenoh: bool) -> None:
         self.path = path
+        self.is_zenoh = is_zenoh
         self.found: list[Diagnostic] = []
 
     def bridge(self, root: yaml.Node) -> Bridge:
@@ -153,8 +158,11 @@ class _Reader:
         """Return the values of keys that have no effect in the list `name`, and warn about them."""
         keys = [*(_OF_PUBLICATIONS if name != "publications" else ())]
         keys += _OF_MULTI if name != "subscriptions_multi" else ()
-        for key in keys:
-            if key in values:
+        keys += _NOT_ON_ZENOH if self.is_zenoh else ()
+        for key in dict.fromkeys(keys):
+            if key in values and self.is_zenoh and key in _NOT_ON_ZENOH:
+                self.note(values[key], "Y106", f"'{key}' has no effect in the list for Zenoh, only in that for DDS")
+            elif key in values:
                 other = "subscriptions_multi" if key in _OF_MULTI else "publications"
                 self.note(values[key], "Y106", f"'{key}' has no effect in '{name}', only in '{other}'")
         return {key: value_of(values[key]) for key in keys if key in values}

@@ -268,6 +268,8 @@ def endpoint_documentation(endpoint: Endpoint) -> str:
     """Return the names and the rate of an endpoint, for its docstring."""
     interval = endpoint.publish_interval_ms
     rate = "" if interval is None else f", every {interval} ms at most" if interval else ", every sample"
+    if endpoint.object_id is None:
+        return f"`{endpoint.ros_name}`, on Zenoh only."
     return f"`{endpoint.ros_name}`, in DDS `{endpoint.dds_name}`{rate}."
 
 

@@ -433,7 +433,15 @@ class EndpointView(_View):
         """The uORB topic of the endpoint."""
         return self._views.topics[self._model.entry.uorb_topic]
 
-    object_id = _fact(int, "object_id", "The id in the XRCE client of the firmware.")
+    @property
+    def object_id(self) -> int | None:
+        """The id in the XRCE client of the firmware, None if only PX4's list for Zenoh has the topic."""
+        return self._model.object_id
+
+    @property
+    def zenoh_key(self) -> str:
+        """The key on Zenoh, with ROS_DOMAIN_ID 0, "" if PX4's list for Zenoh does not have the topic."""
+        return self._model.zenoh_key(self._views.model)
 
     @property
     def rate_limit_hz(self) -> float | None:
@@ -476,7 +484,7 @@ class EndpointView(_View):
     @property
     def options(self) -> Mapping[str, object]:
         """The options for the Zenoh client, in the order of the YAML."""
-        return dict(self._model.entry.options)
+        return dict((self._model.zenoh or self._model.entry).options)
 
     @property
     def extra(self) -> Mapping[str, object]:

@@ -11,6 +11,7 @@ from markupsafe import Markup, escape
 
 from msggen.base.diagnostics import counted
 from msggen.base.disk.resources import template_text
+from msggen.definitions.model import options_text
 from msggen.generate.render.views import EndpointView
 from msggen.generate.site.prose import Document, sentences
 from msggen.generate.site.site import FORMATS, Site, summary
@@ -44,7 +45,7 @@ def _environment(site: Site) -> jinja2.Environment:
         """Return the HTML of a comment on a page from which `root` leads to the site."""
         return sentences(text, site.names, root)
 
-    environment = make_environment(marked, cell, full_stop, summary, rate, counted).overlay(
+    environment = make_environment(marked, cell, full_stop, summary, rate, counted, options_text).overlay(
         autoescape=site.format == "html"
     )
     environment.globals["site"] = site

@@ -9,6 +9,7 @@ from functools import cached_property
 
 from msggen.check.finding import Finding
 from msggen.definitions.enumeration import enumerations
+from msggen.definitions.identity import endpoints
 from msggen.definitions.model import BridgeEntry, Catalog, Constant, Message
 from msggen.definitions.parse.parameters import Parameter, commands, description, parameters
 from msggen.generate.render.views import ConstantView, EndpointView, FieldView, MessageView, ServiceView, Views
@@ -78,6 +79,11 @@ class Site:
     def endpoints(self) -> tuple[EndpointView, ...]:
         """The bridged topics, those out of PX4 first, sorted by name."""
         return tuple(sorted(self.views.catalog.endpoints, key=lambda topic: (topic.direction == "in", topic.ros_name)))
+
+    @cached_property
+    def has_zenoh(self) -> bool:
+        """Whether the firmware has a list of topics for Zenoh."""
+        return bool(self.catalog.zenoh)
 
     @cached_property
     def enums(self) -> tuple[Enum, ...]:
@@ -241,7 +247,8 @@ class Site:
 
     @cached_property
     def _entries(self) -> dict[EndpointView, BridgeEntry]:
-        return dict(zip(self.views.catalog.endpoints, self.catalog.bridge, strict=True))
+        entries = (endpoint.entry for endpoint in endpoints(self.catalog))
+        return dict(zip(self.views.catalog.endpoints, entries, strict=True))
 
     @cached_property
     def _urls(self) -> dict[object, str]:

@@ -25,6 +25,9 @@ from msggen.link.rmw_zenoh.names import reversed_id
 TOKENS: Final = "@ros2_lv/**"
 _CONNECT_MS: Final = 3000
 """How long a router may take to answer."""
+_BLOCKED_US: Final = 1_000_000
+"""How long a program that does not read may hold up all others, until the router ends its connection. Zenoh has 5 s,
+after which a vehicle would count as silent. It holds them up if PX4's list has `cc: block` for a topic."""
 _ELSEWHERE: Final = {errno.EADDRINUSE, errno.EADDRNOTAVAIL}
 _FILES: Final = (
     "root_ca_certificate",
@@ -190,14 +193,17 @@ def open_session(host: str, port: int, configuration: str = "") -> Session:
     place = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     settings = _read(configuration)
     locator = f"{_protocol(settings, configuration)}/{place}"
-    router = {"mode": "router", "listen/endpoints": [locator]}
+    router: dict[str, object] = {"mode": "router", "listen/endpoints": [locator]}
+    if not configuration:
+        router["transport/link/tx/queue/congestion_control/block/wait_before_close"] = _BLOCKED_US
     try:
         return Session(_open(configuration, router), is_router=True)
     except zenoh.ZError as error:
         number = _number_of(error)
         if number not in _ELSEWHERE:
-            raise LinkError(f"Zenoh cannot listen on {place}: {reason_of(error)}") from error
-    client = {"mode": "client", "connect/endpoints": [locator], "connect/timeout_ms": _CONNECT_MS}
+            cure = "check host and port; ports below 1024 need the rights of root"
+            raise LinkError(f"Zenoh cannot listen on {place}: {reason_of(error)}; {cure}") from error
+    client: dict[str, object] = {"mode": "client", "connect/endpoints": [locator], "connect/timeout_ms": _CONNECT_MS}
     try:
         return Session(_open(configuration, client), is_router=False)
     except zenoh.ZError:
@@ -252,7 +258,7 @@ def _protocol(settings: Any, path: str) -> str:
     return "tls" if named else "tcp"
 
 
-def _open(configuration: str, settings: dict[str, Any]) -> Any:
+def _open(configuration: str, settings: dict[str, object]) -> Any:
     made = zenoh.Config.from_file(configuration) if configuration else zenoh.Config()
     ours = {"scouting/multicast/enabled": False, "scouting/delay": 0}
     for key, value in {**settings, **ours}.items():

@@ -14,6 +14,7 @@ from msggen.base.diagnostics import counted, suggestion
 from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.columns.samples import Samples, frame_of
 from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
+from msggen.recordings.log.origin import YEAR_2001
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import listed
 from msggen.recordings.topics.find import by_name, find
@@ -209,8 +210,14 @@ def times_of(samples: Samples, clock: str) -> Times:
 
 
 def _clock_of(samples: Sequence[Samples]) -> str:
-    """Return the time by which samples are aligned if none is named: their own, if all have it."""
-    return _OWN if all(_has_time(each, _OWN) for each in samples) else "log_time"
+    """Return the time by which samples are aligned if none is named: their own, if all have it from one clock.
+
+    Those of a vehicle on Zenoh are since its boot, and those of programs that send to it since 1970.
+    """
+    if not all(_has_time(each, _OWN) for each in samples):
+        return "log_time"
+    clocks = {bool(np.median(each.array[_OWN]) < YEAR_2001) for each in samples if len(each.array)}
+    return _OWN if len(clocks) <= 1 else "log_time"
 
 
 def _has_time(samples: Samples, name: str) -> bool:

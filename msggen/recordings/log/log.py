@@ -466,8 +466,9 @@ class Log:
 
         That is the `latest` one up to this time, or the `nearest` one; not more than `tolerance` s away. Samples of the
         first topic for which a topic has no such sample are left out and counted. Times are those of the field `by`,
-        in us, or `log_time` or `publish_time`. Default: `timestamp` if all topics have it, otherwise `log_time`. All
-        topics are read into memory; `start` and `stop` limit the samples of the first one. Raises RecordingError.
+        in us, or `log_time` or `publish_time`. Default: `timestamp` if all topics have it, and all since boot or all
+        since 1970, otherwise `log_time`. All topics are read into memory; `start` and `stop` limit the samples of the
+        first one. Raises RecordingError.
         """
         from msggen.recordings.log.align import align, rows_of
 

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
 
 _GPS = ("sensor_gps", "vehicle_gps_position")
-_YEAR_2001 = 978_307_200_000_000
+YEAR_2001 = 978_307_200_000_000
 """In us since 1970. Receivers that do not know the time tell earlier ones."""
-_YEAR_2001_NS = _YEAR_2001 * 1000
+_YEAR_2001_NS = YEAR_2001 * 1000
 _LARGEST = (1 << 62) // 1000
 _KINDS = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
 """The smallest last byte of `ver_sw_release` of each kind of release, as PX4's version.h numbers them."""
@@ -73,7 +73,7 @@ def utc_offset_of(
     if not FORMATS[kind].is_of_vehicle:
         return None
     boot = information.get("boot_time_utc_us")
-    if isinstance(boot, int) and _YEAR_2001 < boot < _LARGEST:
+    if isinstance(boot, int) and YEAR_2001 < boot < _LARGEST:
         return boot * 1000
     return gps_offset()
 
@@ -100,7 +100,7 @@ def gps_offset_of(topics: Sequence[Topic], samples_of: Callable[[Topic], Samples
         if "time_utc_usec" not in names:
             continue
         utc = rows["time_utc_usec"].astype(np.int64)
-        is_known = (utc > _YEAR_2001) & (utc < _LARGEST)
+        is_known = (utc > YEAR_2001) & (utc < _LARGEST)
         if "fix_type" in names and (is_known & (rows["fix_type"] >= HAS_FIX)).any():
             is_known &= rows["fix_type"] >= HAS_FIX
         if is_known.any():

@@ -149,6 +149,7 @@ class Endpoint(Frozen, Generic[MessageType]):
         "route_field",
         "max_instances",
         "options",
+        "on_zenoh",
     )
 
     direction: Literal["in", "out"]
@@ -157,8 +158,8 @@ class Endpoint(Frozen, Generic[MessageType]):
     uorb_topic: str
     """The name of the uORB topic: `vehicle_status`."""
     message_name: str
-    object_id: int
-    """The id of the topic in the XRCE client."""
+    object_id: int | None
+    """The id of the topic in the XRCE client, or None if only PX4's list for Zenoh has the topic."""
     rate_limit_hz: float | None
     """The rate limit in the bridge's YAML: 0.0 for no limit, None if the YAML has no entry."""
     publish_interval_ms: int | None
@@ -173,6 +174,8 @@ class Endpoint(Frozen, Generic[MessageType]):
     """The number of values of `route_field` that get an instance; samples with further values are dropped."""
     options: str
     """Options of the Zenoh client: `cc=block,express=true`."""
+    on_zenoh: bool
+    """Whether PX4's list for Zenoh has the topic. False, too, if the package was built without one."""
 
     def __init__(
         self,
@@ -180,7 +183,7 @@ class Endpoint(Frozen, Generic[MessageType]):
         ros_name: str,
         uorb_topic: str,
         message_name: str,
-        object_id: int,
+        object_id: int | None,
         rate_limit_hz: float | None,
         publish_interval_ms: int | None,
         instance: int | None,
@@ -188,6 +191,7 @@ class Endpoint(Frozen, Generic[MessageType]):
         route_field: str | None = None,
         max_instances: int | None = None,
         options: str = "",
+        on_zenoh: bool = False,
     ) -> None:
         put = object.__setattr__
         put(self, "direction", direction)
@@ -202,6 +206,7 @@ class Endpoint(Frozen, Generic[MessageType]):
         put(self, "route_field", route_field)
         put(self, "max_instances", max_instances)
         put(self, "options", options)
+        put(self, "on_zenoh", on_zenoh)
 
     @property
     def _names(self) -> list[str]:
@@ -217,6 +222,18 @@ class Endpoint(Frozen, Generic[MessageType]):
     def dds_type(self) -> str:
         """The type in DDS, which is the same in all versions: `px4_msgs::msg::dds_::VehicleStatus_`."""
         return self.message.__msg__.dds_type
+
+    @property
+    def zenoh_key(self) -> str:
+        """The key on Zenoh: `0/fmu/out/vehicle_status/px4_msgs::msg::dds_::VehicleStatus_/RIHS01_...`; "" for none.
+
+        It begins with ROS_DOMAIN_ID. The version of the message is in the hash, and not in the name.
+        """
+        if not self.on_zenoh:
+            return ""
+        info = self.message.__msg__
+        name = self.ros_name.removesuffix(f"_v{info.message_version}")
+        return f"0{name}/{info.dds_type}/{info.type_hash}"
 
     @property
     def format_request_name(self) -> str:
@@ -303,6 +320,7 @@ def renamed(endpoint: Endpoint, ros_name: str, message_name: str) -> Endpoint:
         route_field=endpoint.route_field,
         max_instances=endpoint.max_instances,
         options=endpoint.options,
+        on_zenoh=endpoint.on_zenoh,
     )
 
 

@@ -15,6 +15,7 @@ from msggen.cli.commands.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.table import Column, objects_of, print_table
+from msggen.link.rmw_zenoh.names import place_in
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -88,7 +89,9 @@ def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
     yield from _facts_of_message(endpoint.message.__msg__, hashed)
     yield _Fact("uORB topic", endpoint.uorb_topic, {"uorb_topic": endpoint.uorb_topic})
     is_on_zenoh = route is not None and bool(route.type_hash)  # without ids and limits, and with a QoS of its own
-    number = None if is_on_zenoh else str(endpoint.object_id)
+    key = _zenoh_key(topic)
+    yield _Fact("Zenoh key", key, {"zenoh_key": key})
+    number = None if is_on_zenoh or endpoint.object_id is None else str(endpoint.object_id)
     yield _Fact("object id", number, {"object_id": endpoint.object_id})
     rates = {name: getattr(endpoint, name) for name in ("rate_limit_hz", "publish_interval_ms")}
     yield _Fact("rate limit", "none on Zenoh" if is_on_zenoh else _limit(endpoint), rates)
@@ -98,6 +101,14 @@ def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
     qos = {name: _qos_object(getattr(endpoint.qos, name)) for name in ("writer", "reader")}
     yield _Fact("QoS", None if is_on_zenoh else both, {"qos": qos})
     yield _Fact("in ROS 2", ros_command(topic))
+
+
+def _zenoh_key(topic: Named) -> str | None:
+    """Return the key on Zenoh, with the namespace of the vehicle, None if PX4's list for Zenoh lacks the topic."""
+    endpoint: Any = topic.endpoint
+    domain, mark, rest = endpoint.zenoh_key.partition("/")
+    namespace, _ = place_in(topic.name) or ("", "")
+    return "/".join(filter(None, (domain, namespace, rest))) if mark else None
 
 
 def _publishers(vehicle: Vehicle, topic: Named) -> Iterator[_Fact]:

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 LENT = "msggen.definitions"
 """The record that tells which definitions are not in the recording."""
+CLOCK = "msggen.clock"
+"""The record that tells that the times in messages are no UTC."""
+_TOLD = (LENT, CLOCK)
+"""The records whose `notes` are for people."""
 IS_LENT = "msggen.is_lent"
 """The metadata of a channel whose definition was not recorded."""
 _TIME = "ulog.time"
@@ -122,7 +126,7 @@ _RECORDS: Mapping[str, _Record] = MappingProxyType(
         "ulog.dropouts": _Record("dropouts", {"time": _time, "duration": _time}, Dropout._make),
     }
 )
-NAMES = (*_RECORDS, _TIME, LENT)
+NAMES = (*_RECORDS, _TIME, *_TOLD)
 """The names of the records that are read back."""
 
 
@@ -139,7 +143,7 @@ def facts_of(records: Mapping[str, Sequence[Mapping[str, str]]], report: Callabl
 
     Different records of one name are not read: a program has put several recordings into one file.
     """
-    if records.keys() <= {LENT}:
+    if records.keys() <= {*_TOLD}:
         return NO_FACTS
 
     def values(name: str, read: Callable[[Any], Any]) -> dict[str, Any]:
@@ -168,8 +172,8 @@ def facts_of(records: Mapping[str, Sequence[Mapping[str, str]]], report: Callabl
 
 
 def notes_of(records: Mapping[str, Sequence[Mapping[str, str]]]) -> list[str]:
-    """Return the lines about definitions that are not in the recording, each once."""
-    lines = (line for each in records.get(LENT, ()) for line in each.get("notes", "").splitlines())
+    """Return the lines about definitions that are not in the recording, and about its times, each once."""
+    lines = (line for name in _TOLD for each in records.get(name, ()) for line in each.get("notes", "").splitlines())
     return list(dict.fromkeys(lines))
 
 
