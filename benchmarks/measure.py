@@ -69,10 +69,10 @@ def sections(results: Results) -> list[Section]:
         ),
         Section(
             "Batches",
-            [tables.columns_table(results.columns)],
+            [],
             "columns",
             "Time for each sample from payloads to columns, message by message",
-            [tables.arrays_table(results.arrays, results.bandwidth)],
+            [tables.columns_table(results.columns), tables.arrays_table(results.arrays, results.bandwidth)],
         ),
         Section(
             "Ready, and memory",

@@ -29,7 +29,7 @@ KEPT = "Simulated vehicles"
 RATIOS = """\
 A ratio is the time of another package divided by the time of msggen, unless the column head says otherwise. Means are
 over all messages, of which the charts have a dot each. The terminal prints all rows, and tables of encoding,
-lazy views, single buffers, start-up, memory and larger sets of messages."""
+lazy views, batches, start-up, memory and larger sets of messages."""
 
 HOW = f"""\
 Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each

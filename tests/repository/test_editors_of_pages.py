@@ -45,7 +45,6 @@ ONLY_BASEDPYRIGHT = {
         "field.type.array",
         "field.type.name",
     },
-    "package.md": {"(Path(px4_types.__file__).parent / 'names.json').read_text"},
     # the parameters of a lambda
     "vehicle.md": {"message.ARMING_STATE_DISARMED", "message.arming_state", "route.name"},
     # the name of the second loop of a comprehension
