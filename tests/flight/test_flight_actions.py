@@ -15,8 +15,6 @@ from msggen.flight.mode import Mode
 from msggen.sim.loop import run
 from support.flown import EXTERNAL, Flown, Line, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
 
 
@@ -37,24 +35,18 @@ def test_a_takeoff_counts_from_the_vehicle_and_not_from_the_origin(types: Any, a
 
 
 def test_the_limit_of_a_takeoff_counts_from_home(px4_types: Any) -> None:
-    vehicle = Flown(px4_types)
-
-    async def main() -> None:
+    async def program(flight: Flight, _: Flown) -> None:
+        ground = await flight.telemetry.global_position()
+        await flight.set_origin(latitude=ground.latitude, longitude=ground.longitude, altitude=ground.altitude - 30.0)
         await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=Limits(height=20.0)) as flight:
-            ground = await flight.telemetry.global_position()
-            await flight.set_origin(
-                latitude=ground.latitude, longitude=ground.longitude, altitude=ground.altitude - 30.0
-            )
-            await asyncio.sleep(1.0)
-            await flight.arm()
-            with pytest.raises(LimitError):
-                await flight.takeoff(21.0)
-            await flight.takeoff(5.0)
-            altitude = (await flight.telemetry.global_position()).altitude
-            assert altitude - ground.altitude == pytest.approx(5.0, abs=1.0)
+        await flight.arm()
+        with pytest.raises(LimitError):
+            await flight.takeoff(21.0)
+        await flight.takeoff(5.0)
+        altitude = (await flight.telemetry.global_position()).altitude
+        assert altitude - ground.altitude == pytest.approx(5.0, abs=1.0)
 
-    run(main(), vehicle)
+    fly(px4_types, program, limits=Limits(height=20.0))
 
 
 def test_a_takeoff_in_the_air_counts_from_home_and_does_not_descend(types: Any) -> None:
@@ -259,9 +251,7 @@ def test_a_deferral_inside_another_one_is_refused(types: Any) -> None:
     async def main() -> None:
         await asyncio.sleep(1.0)
         async with Flight(vehicle) as flight:
-            await flight.add(Defers)
-            await vehicle.in_air(flight)
-            await flight.set_mode(Defers)
+            await vehicle.in_mode(flight, Defers)
             await asyncio.sleep(4.0)
         sent = len(vehicle.sent)
         await asyncio.sleep(3.0)

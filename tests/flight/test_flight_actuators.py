@@ -16,8 +16,6 @@ from msggen.messages.commands import SET_ACTUATORS
 from msggen.messages.setpoints import ACTUATORS, THRUST_AND_TORQUE
 from support.flown import Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 MOTORS, SERVOS = ACTUATORS.topics
 THRUST, TORQUE = THRUST_AND_TORQUE.topics
 

@@ -15,8 +15,6 @@ from msggen.sim.loop import run
 from support.flown import Flown
 from support.simulation import topics_of
 
-pytest_plugins = ["support.flight_releases"]
-
 REQUEST, REPLY = "arming_check_request", "arming_check_reply"
 PERIOD = 0.314
 FOREIGN = 6

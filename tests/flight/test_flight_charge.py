@@ -16,8 +16,6 @@ from msggen.flight.mode import Mode
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, Line, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
 
 

@@ -20,8 +20,6 @@ from msggen.sim import Options
 from msggen.sim.loop import run
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, POSITION, LAND = 4, 2, 18
 
 

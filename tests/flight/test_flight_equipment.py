@@ -25,8 +25,6 @@ from msggen.flight.telemetry import (
 from msggen.sim import Options, values
 from support.flown import EXTERNAL, Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD = 4
 PARTS = Options(parts=("airspeed", "receiver", "vtol"))
 STICKS: Mapping[str, Any] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -19,8 +18,6 @@ from msggen.flight.mode import Mode
 from msggen.sim import Options
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
 
 HOLD, RETURN, LAND, DESCEND = 4, 5, 18, 12
 
@@ -58,19 +55,6 @@ class Mission(Executor):
         except asyncio.CancelledError:
             self.steps.append("cancelled")
             raise
-
-
-def test_an_executor_flies_a_whole_flight(types: Any) -> None:
-    mission = Mission()
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: "disarmed" in mission.steps, 60.0)
-        assert math.hypot(*vehicle.world.flight.position[:2]) < 1.0
-
-    fly(types, program)
-    assert mission.steps == ["armed", "in the air", "there", "home", "disarmed"]
 
 
 def test_a_pilot_ends_an_executor_at_once(types: Any) -> None:

@@ -22,8 +22,6 @@ from msggen.sim import Options
 from support.examples import by_day, examples
 from support.flown import EXTERNAL, Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, RETURN, TAKEOFF = 4, 5, 17
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 
@@ -160,9 +158,7 @@ def test_a_setpoint_after_a_pause_in_the_program_is_not_sent_in_another_mode(px4
 
     async def program(flight: Flight, vehicle: Flown) -> list[float]:
         vehicles.append(vehicle)
-        await flight.add(Blocks)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Blocks)
+        await vehicle.in_mode(flight, Blocks)
         await asyncio.sleep(5.0)
         return [each.message.velocity[0] for each in vehicle.sent if each.topic == "trajectory_setpoint"]
 

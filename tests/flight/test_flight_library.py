@@ -18,8 +18,6 @@ from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 from support.flown import EXTERNAL, Flown, fly
 from support.repository import ROOT
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, RETURN, TAKEOFF, DESCEND = 4, 5, 17, 12
 
 
@@ -179,6 +177,7 @@ def test_run_executor_autonomous(types: Any) -> None:
         await flight.add(mission)
         await flight.set_mode(There)
         await vehicle.until(lambda: mission.steps[-1:] == ["disarmed"], 90.0)
+        assert math.hypot(*vehicle.world.flight.position[:2]) < 1.0
 
     fly(types, program)
     assert mission.steps == ["begun", "disarmed"]

@@ -35,11 +35,8 @@ from msggen.flight.pytest import SimVehicle
 from msggen.messages import commands, earth
 from msggen.messages.setpoints import FIXED_WING
 from msggen.sim import Options as SimOptions
-from msggen.sim.loop import run
 from msggen.sim.places import Home
 from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
 
 HOLD, RETURN, DESCEND, TAKEOFF, LAND = 4, 5, 12, 17, 18
 START = Home()
@@ -77,6 +74,13 @@ class Story:
             before[0] = status.nav_state
 
         flight.feeds["vehicle_status"].call(take)
+
+
+async def whole(flight: Flight, mission: Mission) -> None:
+    """Fly a mission to its end."""
+    await flight.add(mission)
+    await flight.arm()
+    await flight.fly(mission)
 
 
 async def begun(flight: Flight, vehicle: Flown, mission: Mission) -> None:
@@ -133,9 +137,7 @@ def test_a_vehicle_stops_only_where_an_action_says_so(types: Any) -> None:
 
         plan = Plan(items, Settings(horizontal_velocity=3.0))
         mission = Mission(plan, actions={"pass": Pass()}, on_progress=passed)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: mission.index == 8, 90.0)
         assert mission.unready == ()
         await vehicle.until(lambda: vehicle.world.mode == HOLD, 2.0)
@@ -155,9 +157,7 @@ def test_custom_action(types: Any) -> None:
         item = ActionItem("customAction", {"customArgument": 1234, "list": [1, 2]}, "an id")
         plan = Plan((TAKE_OFF, at(5.0), item, ActionItem("land")))
         mission = Mission(plan, actions={"customAction": story.note("custom")}, on_progress=story.events.append)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
 
     fly(types, program)
     arguments = {"type": "customAction", "id": "an id", "customArgument": 1234, "list": [1, 2]}
@@ -178,9 +178,7 @@ def test_custom_action_trajectory(types: Any) -> None:
 
         plan = Plan((TAKE_OFF, ActionItem("detour"), at(0.0, 6.0), ActionItem("land")))
         mission = Mission(plan, actions={"detour": detour})
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
 
     fly(types, program)
     assert nearest[0] < 1.0
@@ -319,9 +317,7 @@ def test_persistence(types: Any, tmp_path: Path) -> None:
         mission, _ = interrupted_mission(story, vehicle, LAND, LONG, state=state)
         assert mission.index == 3
         story.follow(flight)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
         again, _ = interrupted_mission(story, vehicle, LAND, LONG, state=state)
         assert again.index is None
         assert not state.exists()
@@ -413,9 +409,7 @@ def test_resume_with_actions(types: Any, tmp_path: Path) -> None:
 
     async def completed(flight: Flight, vehicle: Flown) -> None:
         mission = part(vehicle)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
         for each in vehicle.sent:
             message = each.message
             if each.topic == "goto_setpoint" and message.flag_set_max_horizontal_speed:
@@ -512,9 +506,7 @@ def test_failure_invalid_handler(types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         mission = Mission(BROKEN, actions={"fails": keep, "onFailure": on_failure})
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: len(handlers) == 2, 30.0)
         assert [each.is_valid for each in handlers] == [False, True]
         with pytest.raises(FlightError, match="this action has ended"):
@@ -620,20 +612,16 @@ async def nothing(_: Handler, arguments: Arguments) -> None:
     ],
 )
 def test_a_place_that_is_out_of_reach_is_told_before_arming(types: Any, item: Item, limits: Limits, why: str) -> None:
-    vehicle = Flown(types)
+    async def program(flight: Flight, _: Flown) -> None:
+        mission = Mission(Plan((TAKE_OFF, item, ActionItem("rtl"))))
+        await flight.add(mission)
+        await flight.set_mode(mission)
+        await asyncio.sleep(1.5)
+        assert mission.unready[0].startswith(why)
+        with pytest.raises(RefusedError):
+            await flight.arm()
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=limits) as flight:
-            mission = Mission(Plan((TAKE_OFF, item, ActionItem("rtl"))))
-            await flight.add(mission)
-            await flight.set_mode(mission)
-            await asyncio.sleep(1.5)
-            assert mission.unready[0].startswith(why)
-            with pytest.raises(RefusedError):
-                await flight.arm()
-
-    run(main(), vehicle)
+    fly(types, program, limits=limits)
 
 
 FIRST = "item 0 is a waypoint, and the vehicle is on the ground then: put a takeoff before it"
@@ -726,9 +714,7 @@ def test_a_program_aborts_its_mission(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         mission = Mission(Plan((TAKE_OFF, at(30.0), ActionItem("land"))), actions={"onFailure": on_failure})
         mission.abort()
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: mission.index == 1, 20.0)
         await asyncio.sleep(1.0)
         mission.abort()
@@ -770,9 +756,7 @@ def test_disarming_interrupts_the_mission(types: Any) -> None:
             raise ValueError("told, and no more")
 
         mission = Mission(Plan((TAKE_OFF, at(40.0), ActionItem("land"))), on_progress=fail)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: mission.index == 1, 20.0)
         vehicle.kill()
         before = len([each for each in vehicle.sent if "vehicle_command" in each.topic])
@@ -817,9 +801,7 @@ def test_an_action_can_repeat_a_part_of_the_mission(types: Any) -> None:
 
         plan = Plan((TAKE_OFF, ActionItem("nothing"), ActionItem("again", {"times": 2}), ActionItem("land")))
         mission = Mission(plan, actions={"again": again, "nothing": nothing}, on_progress=indices.append)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
 
     fly(types, program)
     assert indices == [0, 1, 2, 0, 1, 2, 3, 4]
@@ -872,9 +854,7 @@ def test_a_mission_takes_each_vehicle_to_its_waypoints(px4_types: Any, kind: str
         plan = Plan((*front, *goals, ActionItem("hold")), speed)
         mission = Mission(plan, actions={"forward": forward})
         flight.feeds["vehicle_local_position"].call(near)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
         assert mission.index is None
 
     fly(px4_types, program, SimOptions(vehicle=kind))
@@ -887,9 +867,7 @@ def test_a_heading_rate_of_0_keeps_the_heading(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         plan = Plan((TAKE_OFF, at(0.0, 6.0), ActionItem("rtl")), Settings(max_heading_rate=0.0))
         mission = Mission(plan)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: mission.index == 2, 40.0)
         flying.cancel()
         sent = [each for each in vehicle.sent if each.topic == "goto_setpoint"]
@@ -927,9 +905,7 @@ def test_a_mission_holds_for_a_time(types: Any) -> None:
 
         plan = Plan((TAKE_OFF, ActionItem("hold", {"duration": 3.0}), ActionItem("hold"), ActionItem("land")))
         mission = Mission(plan, on_progress=note)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: len(times) == 2, 20.0)
         await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)
         await flying

@@ -19,8 +19,6 @@ from msggen.sim import Options
 from msggen.sim.loop import run
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
 
 
@@ -350,9 +348,7 @@ def test_registering_in_flight_is_refused_before_anything_is_sent(types: Any, pa
     """PX4 takes it with the parameter, but then the mode that flies can be left."""
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Line)
+        await vehicle.in_mode(flight, Line)
         await asyncio.sleep(1.0)
         with pytest.raises(RegistrationError, match="Short: the vehicle is armed: register before arming"):
             await flight.add(Short)

@@ -17,8 +17,6 @@ from msggen.sim import Options
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, RETURN = 4, 5
 REQUEST = "config_overrides_request"
 RETURNS = Options(parameters={"COM_LOW_BAT_ACT": 3.0})
@@ -94,9 +92,7 @@ def test_a_mode_defers_failsafes_too(types: Any) -> None:
     seen: list[bool] = []
 
     async def program(flight: Flight, vehicle: Flown) -> float:
-        await flight.add(Careful)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Careful)
+        await vehicle.in_mode(flight, Careful)
         await vehicle.until(lambda: _in_air(vehicle), 3.0)
         vehicle.world.battery.remaining = 0.06
         return await vehicle.until(lambda: vehicle.world.commander.failsafe.is_active, 5.0)

@@ -13,10 +13,7 @@ from msggen.flight import GLOBAL_POSITION, FlightError, GlobalPlace, LimitError,
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
-from msggen.sim.loop import run
 from support.flown import Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
 
 NORTH = 0.0002
 """A difference of latitude in degrees: 22.24 m."""
@@ -88,7 +85,6 @@ def test_a_place_on_earth_needs_a_global_position(types: Any) -> None:
 
 
 def test_limits_count_for_a_place_on_earth(px4_types: Any) -> None:
-    vehicle = Flown(px4_types)
     errors = []
 
     class Limited(Visits, name="Limited"):
@@ -98,23 +94,18 @@ def test_limits_count_for_a_place_on_earth(px4_types: Any) -> None:
             except LimitError as error:
                 errors.append(str(error))
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=Limits(distance=20.0)) as flight:
-            mode = Limited(away(vehicle))
-            await flight.add(mode)
-            await vehicle.in_air(flight)
-            await flight.fly(mode)
-            for up, limit in ((None, "22.2 m from home"), (10.0, "22.2 m from home")):
-                place = away(vehicle, up or 0.0)
-                with pytest.raises(LimitError, match=limit):
-                    await flight.goto(
-                        latitude=place.latitude,
-                        longitude=place.longitude,
-                        altitude=place.altitude if up else None,
-                    )
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Limited(away(vehicle))
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        await flight.fly(mode)
+        for up in (None, 10.0):
+            place = away(vehicle, up or 0.0)
+            altitude = place.altitude if up else None
+            with pytest.raises(LimitError, match=r"22\.2 m from home"):
+                await flight.goto(latitude=place.latitude, longitude=place.longitude, altitude=altitude)
 
-    run(main(), vehicle)
+    fly(px4_types, program, limits=Limits(distance=20.0))
     assert errors == ["22.2 m from home: the limit is 20 m, and nothing was sent"]
 
 
@@ -195,9 +186,7 @@ def test_a_link_that_is_lost_is_not_told_as_a_lost_position(px4_types: Any) -> N
                     return
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Asks)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Asks)
+        await vehicle.in_mode(flight, Asks)
         await asyncio.sleep(1.0)
         vehicle.loss = 1.0
         await vehicle.until(lambda: bool(errors), 5.0)

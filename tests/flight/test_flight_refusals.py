@@ -14,8 +14,6 @@ from msggen.messages.nav_states import HOLD, MODE_NAMES, OFFBOARD
 from msggen.messages.refusals import REQUIREMENTS, reasons_for_command
 from support.flown import Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 
 def test_a_vehicle_that_is_left_in_offboard_mode_tells_how_to_arm_it(types: Any) -> None:
     async def program(flight: Flight, _: Flown) -> None:

@@ -18,8 +18,6 @@ from msggen.messages.setpoints import ROVER, ROVER_POSITION, ROVER_THROTTLE, Kin
 from msggen.sim import Options
 from support.flown import EXTERNAL, Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 WHEELS = Options(vehicle="rover")
 SPEED, THROTTLE = ROVER[1].topics[0], ROVER_THROTTLE[0].topics[0]
 KINDS = {kind.number: kind for kind in (*ROVER, *ROVER_THROTTLE)}

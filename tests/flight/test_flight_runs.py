@@ -16,8 +16,6 @@ from msggen.flight.running_mode import ActiveMode
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD, LAND = 4, 18
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
 
@@ -89,9 +87,7 @@ def test_an_error_in_the_handler_of_an_error_still_ends_the_mode(
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         asyncio.get_running_loop().set_exception_handler(lambda _, what: told.append(str(what["exception"])))
-        await flight.add(Fails)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Fails)
+        await vehicle.in_mode(flight, Fails)
         await asyncio.sleep(3.0)
         assert vehicle.world.mode != EXTERNAL
         assert told == ["no home", "planned"]
@@ -219,9 +215,7 @@ def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
     mode = kind()
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.set_mode(mode)
+        await vehicle.in_mode(flight, mode)
         await asyncio.sleep(2.0)
         await flight.hold()
         left = vehicle.time / 1e6
@@ -264,9 +258,7 @@ def test_a_fly_that_never_ends_sends_nothing_after_the_mode_was_left(px4_types: 
                     await asyncio.sleep(0.5)
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Stubborn)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Stubborn)
+        await vehicle.in_mode(flight, Stubborn)
         await asyncio.sleep(2.0)
         await flight.hold()
         left = vehicle.time / 1e6

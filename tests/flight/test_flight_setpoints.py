@@ -1,11 +1,11 @@
-"""Tests of setpoints of modes: their rates, their kinds, their frames, and errors before anything is sent."""
+"""Tests of setpoints of modes: rates, kinds, frames, and errors before anything is sent."""
 
 from __future__ import annotations
 
 import asyncio
 import math
-import re
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.sending import FREE
-from msggen.messages.setpoints import ATTITUDE, RATES
+from msggen.flight.offboard import _Heartbeat
+from msggen.messages.setpoints import ATTITUDE, RATES, TRAJECTORY
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly
 
@@ -34,9 +34,7 @@ def test_setpoints_are_sent_at_the_rate_of_their_kind(px4_types: Any) -> None:
             await self.goto((100.0, 0.0, -10.0))
 
     async def program(flight: Flight, vehicle: Flown) -> Flown:
-        await flight.add(Kinds)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Kinds)
         await asyncio.sleep(8.0)
         return vehicle
 
@@ -64,9 +62,7 @@ def test_a_kind_that_a_mode_does_not_declare_is_an_error(px4_types: Any, caplog:
             self.rates(roll=0.0, pitch=0.0, yaw=0.0, thrust=0.5)
 
     async def program(flight: Flight, vehicle: Flown) -> Flown:
-        await flight.add(Plain)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Plain)
         await asyncio.sleep(1.0)
         return vehicle
 
@@ -137,41 +133,51 @@ def test_wrong_setpoints_are_errors_before_anything_is_sent(
     assert text in caplog.text
 
 
-@pytest.mark.parametrize("name", ["max_speed", "max_climb", "max_turn_rate"])
-@pytest.mark.parametrize("value", [0.0, -1.0])
-def test_a_limit_of_a_goto_is_above_zero(px4_types: Any, name: str, value: float) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Goes(name, value)
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        with pytest.raises(ValueError, match=re.escape(f"expected limits above 0, got [{value}]")):
-            await flight.fly(mode)
-
-    class Goes(Mode, name="Goes"):
-        def __init__(self, name: str, value: float) -> None:
-            self.options: dict[str, Any] = {name: value}
-
-        async def fly(self) -> None:
-            await self.goto((5.0, 0.0, -10.0), **self.options)
-
-    fly(px4_types, program)
+NAN = math.nan
 
 
-@pytest.mark.parametrize("position", [(1.0, math.nan, math.nan), (math.nan, 1.0, -10.0), FREE])
-def test_the_heartbeat_of_offboard_mode_tells_what_is_controlled_on_any_axis(
-    px4_types: Any, position: tuple[float, float, float]
+@pytest.mark.parametrize(
+    ("position", "velocity", "acceleration"),
+    [
+        ((NAN, NAN, -5.0), (1.0, 0.0, NAN), (NAN, NAN, NAN)),  # a height, and a speed over ground
+        ((1.0, 2.0, -5.0), (NAN, NAN, NAN), (NAN, NAN, NAN)),
+        ((NAN, NAN, NAN), (NAN, NAN, 0.5), (0.1, 0.1, NAN)),
+    ],
+)
+def test_the_heartbeat_of_offboard_names_what_some_axis_has(
+    px4_types: Any, position: Any, velocity: Any, acceleration: Any
 ) -> None:
-    velocity = tuple(math.nan if math.isfinite(each) else 0.5 for each in position)
+    """PX4 runs no controller for what the heartbeat does not name, and ignores these values."""
+    sent: list[Any] = []
+    connection: Any = SimpleNamespace(package=px4_types, publish=lambda _topic, message: sent.append(message))
+    heartbeat = _Heartbeat(connection)
+    heartbeat.apply(TRAJECTORY)
+    heartbeat.values = {"position": position, "velocity": velocity, "acceleration": acceleration}
+    heartbeat.send()
+    told = (sent[0].position, sent[0].velocity, sent[0].acceleration)
+    assert told == tuple(not all(map(math.isnan, each)) for each in (position, velocity, acceleration))
+
+
+def test_a_limit_of_a_place_is_positive(px4_types: Any) -> None:
+    errors: list[str] = []
+
+    class Wrong(Mode):
+        async def fly(self) -> None:
+            for name in ("max_speed", "max_climb", "max_turn_rate"):
+                for value in (0.0, -1.0):
+                    limit: Any = {name: value}
+                    try:
+                        await asyncio.wait_for(self.goto((1.0, 0.0, -5.0), **limit), 1.0)
+                    except ValueError as error:
+                        errors.append(str(error))
+            await asyncio.Event().wait()
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            setpoint.trajectory(position=position, velocity=velocity)
-            before = len(vehicle.sent)
-            await asyncio.sleep(0.2)
-            beats = [each.message for each in vehicle.sent[before:] if each.topic == "offboard_control_mode"]
-        assert beats
-        told = {(beat.position, beat.velocity, beat.acceleration) for beat in beats}
-        assert told == {(position != FREE, True, False)}
+        await flight.add(Wrong)
+        await vehicle.in_air(flight, 3.0)
+        await flight.set_mode(Wrong)
+        await asyncio.sleep(0.5)
+        assert "goto_setpoint" not in {each.topic for each in vehicle.sent}
 
     fly(px4_types, program)
+    assert errors == [f"expected limits above 0, got [{value}]" for _ in range(3) for value in (0.0, -1.0)]

@@ -13,9 +13,7 @@ from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import Flown, fly
 
 HOLD, OFFBOARD, LAND = 4, 14, 18
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
@@ -194,9 +192,7 @@ def test_setpoints_of_a_mode_stop_when_the_vehicle_is_not_heard(types: Any, lost
     """Without its status, the program does not know that the mode was left: Land with setpoints does not land."""
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Away)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Away)
         await asyncio.sleep(2.0)
         vehicle.lost = lost
         silent = vehicle.time / 1e6
@@ -231,9 +227,7 @@ def test_setpoints_of_offboard_stop_when_the_vehicle_is_not_heard(types: Any) ->
 
 def test_setpoints_go_on_when_the_vehicle_is_heard_again_in_the_mode(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Away)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Away)
         await asyncio.sleep(1.0)
         vehicle.lost = {"vehicle_status"}
         await asyncio.sleep(2.5)

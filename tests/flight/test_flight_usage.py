@@ -29,11 +29,8 @@ from msggen.flight.limits import NO_LIMITS, Fence
 from msggen.flight.offboard import Offboard
 from msggen.flight.pytest.vehicle import SimVehicle
 from msggen.sim import Options
-from msggen.sim.loop import run
 from support.examples import by_day
 from support.flown import Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
 
 BOTH = (
     "{0}: expected a GlobalPlace or keywords: `{0}(GlobalPlace(47.4, 8.5, 500.0))` or "
@@ -229,23 +226,20 @@ def flown(
     px4_types: Any, way: Way, goal: Vector, limits: Limits = NO_LIMITS, meanwhile: Meanwhile | None = None
 ) -> None:
     """Fly to a place for 30 s at most, and let something happen after 3 s."""
-    vehicle = Flown(px4_types, Options(parameters={"COM_DISARM_LAND": 60.0}))
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=limits) as flight:
-            mode = Goes()
-            mode.goal = goal
-            await flight.add(mode)
-            await vehicle.in_air(flight)
-            home = vehicle.world.home
-            degrees = math.degrees(goal.x / 6_371_000.0)
-            place = GlobalPlace(home.latitude + degrees, home.longitude, home.altitude - goal.z)
-            if meanwhile is not None:
-                asyncio.get_running_loop().call_later(3.0, meanwhile, vehicle)
-            await asyncio.wait_for(way(flight, mode, place), 30.0)
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Goes()
+        mode.goal = goal
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        home = vehicle.world.home
+        degrees = math.degrees(goal.x / 6_371_000.0)
+        place = GlobalPlace(home.latitude + degrees, home.longitude, home.altitude - goal.z)
+        if meanwhile is not None:
+            asyncio.get_running_loop().call_later(3.0, meanwhile, vehicle)
+        await asyncio.wait_for(way(flight, mode, place), 30.0)
 
-    run(main(), vehicle)
+    fly(px4_types, program, Options(parameters={"COM_DISARM_LAND": 60.0}), limits=limits)
 
 
 LANDS = "it lands"

@@ -25,8 +25,6 @@ from support.examples import by_day
 from support.flown import EXTERNAL, Flown, Sent, fly
 from support.kinds import RELEASES, VEHICLES, followed, in_air, is_bridged, send
 
-pytest_plugins = ["support.flight_releases"]
-
 HOLD = 4
 TOPICS = {topic for kind in KINDS for topic in kind.topics}
 ORDER = {frozenset({ROTARY_WING}): 0, frozenset({WINGS}): 1}

@@ -19,8 +19,6 @@ from msggen.sim import Options
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 VTOL = Options(vehicle="vtol")
 _LATERAL, _LONGITUDINAL, *_ = FIXED_WING.topics
 

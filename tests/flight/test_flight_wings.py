@@ -25,8 +25,6 @@ from msggen.sim import Options
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly
 
-pytest_plugins = ["support.flight_releases"]
-
 PLANE = Options(vehicle="plane")
 LATERAL, LONGITUDINAL, *CONFIGURATIONS = FIXED_WING.topics
 NAN = math.nan
