@@ -15,8 +15,8 @@ from msggen.flight.errors import FlightError
 from msggen.flight.estimates import is_estimate, no_estimate, valid_estimate
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
-from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace, Vector, heading_of, local_place, turned, turned_heading
+from msggen.flight.registration import Deferral, Keeps
 from msggen.flight.rovers import Driven
 from msggen.flight.sending import Registered, Steered, Trajectory
 from msggen.flight.setpoints import check_seconds, finite, in_range

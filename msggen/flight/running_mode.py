@@ -16,8 +16,7 @@ from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, la
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
-from msggen.flight.overrides import Overrides
-from msggen.flight.registration import Ids
+from msggen.flight.registration import Ids, Overrides
 from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of
 from msggen.flight.steering import Steering

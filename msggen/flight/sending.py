@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Final, NamedTuple, Protocol
 from msggen.flight.actions import Actions
 from msggen.flight.feeds import Feeds, Topics
 from msggen.flight.limits import Fence
-from msggen.flight.overrides import Overrides
 from msggen.flight.places import Frame, heading_of, three, turned
+from msggen.flight.registration import Overrides
 from msggen.flight.setpoints import Values, finite
 from msggen.flight.usage import BY_NAME, Hinted, explained
 from msggen.messages.setpoints import Kind

@@ -12,7 +12,7 @@ from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import Deferral, Keeps
+from msggen.flight.registration import Deferral, Keeps
 from msggen.sim import Options
 from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly

@@ -16,7 +16,7 @@ from msggen import recordings
 from msggen.flight import Flight, FlightError, Mode
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.pytest.faults import Faults
-from msggen.flight.pytest.recording import Recording
+from msggen.flight.pytest.flown import Recording
 from msggen.sim import Options
 from msggen.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
 from support.examples import by_day
