@@ -14,7 +14,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.commands import SET_ACTUATORS
 from msggen.messages.setpoints import ACTUATORS, THRUST_AND_TORQUE
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying, flying_each
 
 MOTORS, SERVOS = ACTUATORS.topics
 THRUST, TORQUE = THRUST_AND_TORQUE.topics
@@ -93,29 +93,25 @@ def test_wrong_values_are_errors_before_anything_is_sent(px4_types: Any, call: A
     assert not {each.topic for each in seen[0].sent} & {*ACTUATORS.topics, *THRUST_AND_TORQUE.topics}
 
 
-def test_payload_servos_are_set_by_command_ten_times_a_second(types: Any) -> None:
+@flying_each()
+async def test_payload_servos_are_set_by_command_ten_times_a_second(flight: Flight, vehicle: Flown) -> None:
     class Drops(Mode):
         flies_disarmed = True
 
         async def fly(self) -> None:
             await self.set_actuators({6: 1.0})
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await asyncio.gather(*(flight.set_actuators({1: share / 10, 3: -1.0}) for share in range(5)))
-        await flight.add(Drops)
-        await flight.fly(Drops)
-        sent = [
-            each for each in vehicle.sent if each.topic == "vehicle_command" and each.message.command == SET_ACTUATORS
-        ]
-        assert len(sent) == 6
-        assert all(two.time - one.time > 0.095 for one, two in pairwise(sent))
-        assert [each.message.param1 for each in sent[:5]] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
-        assert {each.message.param3 for each in sent[:5]} == {-1.0}
-        assert math.isnan(sent[0].message.param2)
-        assert math.isnan(sent[5].message.param1)
-        assert (sent[5].message.param6, sent[5].message.param7) == (1.0, 0.0)
-
-    fly(types, program)
+    await asyncio.gather(*(flight.set_actuators({1: share / 10, 3: -1.0}) for share in range(5)))
+    await flight.add(Drops)
+    await flight.fly(Drops)
+    sent = [each for each in vehicle.sent if each.topic == "vehicle_command" and each.message.command == SET_ACTUATORS]
+    assert len(sent) == 6
+    assert all(two.time - one.time > 0.095 for one, two in pairwise(sent))
+    assert [each.message.param1 for each in sent[:5]] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert {each.message.param3 for each in sent[:5]} == {-1.0}
+    assert math.isnan(sent[0].message.param2)
+    assert math.isnan(sent[5].message.param1)
+    assert (sent[5].message.param6, sent[5].message.param7) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -123,10 +119,10 @@ def test_payload_servos_are_set_by_command_ten_times_a_second(types: Any) -> Non
     [({}, "expected the numbers of actuators from 1 to 6"), ({0: 0.5}, "from 1 to 6, got [0]"), ({7: 0.5}, "got [7]")]
     + [({1: value}, "expected a value from -1 to 1") for value in (1.1, -1.1, math.nan, math.inf)],
 )
-def test_wrong_payload_servos_are_errors(px4_types: Any, values: dict[int, float], text: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(ValueError, match=re.escape(text)):
-            await flight.set_actuators(values)
-        assert not vehicle.times("vehicle_command")
-
-    fly(px4_types, program)
+@flying()
+async def test_wrong_payload_servos_are_errors(
+    flight: Flight, vehicle: Flown, values: dict[int, float], text: str
+) -> None:
+    with pytest.raises(ValueError, match=re.escape(text)):
+        await flight.set_actuators(values)
+    assert not vehicle.times("vehicle_command")

@@ -17,7 +17,7 @@ from msggen.flight.places import Vector
 from msggen.generate.cache import package_of
 from msggen.sim import Options
 from msggen.sim.near import NearVehicle
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, fly, flying
 
 HOLD, RETURN, LAND = 4, 5, 18
 
@@ -92,22 +92,20 @@ def test_a_mode_that_is_left_is_cancelled_and_sends_nothing_more(types: Any) -> 
 # requirements and failures
 
 
-def test_a_mode_without_a_position_is_refused_with_the_reason(px4_types: Any) -> None:
+@flying()
+async def test_a_mode_without_a_position_is_refused_with_the_reason(flight: Flight, vehicle: Flown) -> None:
     class Careful(Mode):
         requires = LOCAL_POSITION
 
         async def fly(self) -> None:
             await self.hold(1000.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Careful)
-        await vehicle.in_air(flight)
-        vehicle.lose_position()
-        await asyncio.sleep(6.0)
-        with pytest.raises(RefusedError, match="mode 23: temporarily rejected: there is no local position"):
-            await flight.set_mode(EXTERNAL)
-
-    fly(px4_types, program)
+    await flight.add(Careful)
+    await vehicle.in_air(flight)
+    vehicle.lose_position()
+    await asyncio.sleep(6.0)
+    with pytest.raises(RefusedError, match="mode 23: temporarily rejected: there is no local position"):
+        await flight.set_mode(EXTERNAL)
 
 
 def test_an_exception_ends_the_mode_and_the_vehicle_returns(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
@@ -176,15 +174,13 @@ def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:
         run(main(vehicle), vehicle)
 
 
-def test_nothing_arms_by_itself(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Square, Waits)
-        await flight.set_mode(EXTERNAL)
-        await asyncio.sleep(20.0)
-        assert not vehicle.world.is_armed
-        assert not [each for each in vehicle.sent if getattr(each.message, "command", 0) == 400]
-
-    fly(px4_types, program)
+@flying()
+async def test_nothing_arms_by_itself(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Square, Waits)
+    await flight.set_mode(EXTERNAL)
+    await asyncio.sleep(20.0)
+    assert not vehicle.world.is_armed
+    assert not [each for each in vehicle.sent if getattr(each.message, "command", 0) == 400]
 
 
 def test_requirements_are_fields_of_the_reply(px4_types: Any) -> None:

@@ -15,7 +15,7 @@ from msggen.flight.blocking import BlockingOffboard, BlockingTelemetry
 from msggen.flight.offboard import Offboard
 from msggen.flight.telemetry import Telemetry
 from msggen.flight.usage import ATTRIBUTES, IMPORTED, Hinted, told
-from support.flown import Flown, fly
+from support.flown import Flown, flying
 from support.repository import ROOT
 
 FACADES = (Flight, BlockingFlight, Mode, Executor, Check, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
@@ -76,21 +76,19 @@ def test_every_counterpart_of_a_facade_is_told(facade: type) -> None:
     assert not hasattr(facade.__new__(facade), "xyzzy")
 
 
-def test_what_people_type_is_told(px4_types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        for path, text in (
-            ("return_to_launch", "in msggen, it is `return_home`"),
-            ("telemetry.position", "`await global_position()` or `await local_position()`"),
-            ("action.arm", "a method of the flight: `await flight.arm()`"),
-            ("telemetry.subscribe_battery", "for each message: `flight.feeds[topic].call(function)`"),
-            ("arm_async", "in msggen, it is `await arm(...)`"),
-            ("takeof", "did you mean 'takeoff'"),
-            ("telemetry.batery", "did you mean 'battery'"),
-        ):
-            with pytest.raises(AttributeError, match=re.escape(text)):
-                attrgetter(path)(flight)
-
-    fly(px4_types, program)
+@flying()
+async def test_what_people_type_is_told(flight: Flight) -> None:
+    for path, text in (
+        ("return_to_launch", "in msggen, it is `return_home`"),
+        ("telemetry.position", "`await global_position()` or `await local_position()`"),
+        ("action.arm", "a method of the flight: `await flight.arm()`"),
+        ("telemetry.subscribe_battery", "for each message: `flight.feeds[topic].call(function)`"),
+        ("arm_async", "in msggen, it is `await arm(...)`"),
+        ("takeof", "did you mean 'takeoff'"),
+        ("telemetry.batery", "did you mean 'battery'"),
+    ):
+        with pytest.raises(AttributeError, match=re.escape(text)):
+            attrgetter(path)(flight)
 
 
 def test_a_flight_that_has_not_begun_says_so(px4_types: Any) -> None:

@@ -15,7 +15,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.registration import Deferral, Keeps
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 HOLD, RETURN = 4, 5
 REQUEST = "config_overrides_request"
@@ -216,28 +216,24 @@ def test_the_home_position_is_kept_in_v1_18_only(types: Any) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan, math.inf, 40_000.0])
-def test_a_time_without_limit_is_an_error(px4_types: Any, seconds: float) -> None:
+@flying()
+async def test_a_time_without_limit_is_an_error(flight: Flight, vehicle: Flown, seconds: float) -> None:
     executor = Stays()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(executor)
-        with pytest.raises(ValueError, match="expected a time of more than 0 s"):
-            async with executor.deferring_failsafes(seconds):
-                pass
-        assert not vehicle.times(REQUEST)
-
-    fly(px4_types, program)
+    await flight.add(executor)
+    with pytest.raises(ValueError, match="expected a time of more than 0 s"):
+        async with executor.deferring_failsafes(seconds):
+            pass
+    assert not vehicle.times(REQUEST)
 
 
-def test_an_executor_that_is_not_in_charge_defers_nothing(types: Any) -> None:
+@flying_each()
+async def test_an_executor_that_is_not_in_charge_defers_nothing(flight: Flight) -> None:
     executor = Stays()
 
-    async def program(flight: Flight, _: Flown) -> None:
-        with pytest.raises(FlightError, match="is not registered"):
-            executor.deferring_failsafes(5)
-        await flight.add(executor)
-        with pytest.raises(FlightError, match="does not defer failsafes"):
-            async with executor.deferring_failsafes(5):
-                pass
-
-    fly(types, program)
+    with pytest.raises(FlightError, match="is not registered"):
+        executor.deferring_failsafes(5)
+    await flight.add(executor)
+    with pytest.raises(FlightError, match="does not defer failsafes"):
+        async with executor.deferring_failsafes(5):
+            pass

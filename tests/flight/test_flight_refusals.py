@@ -12,36 +12,32 @@ from msggen.flight import Flight, RefusedError
 from msggen.messages.commands import ARM_DISARM
 from msggen.messages.nav_states import HOLD, MODE_NAMES, OFFBOARD
 from msggen.messages.refusals import REQUIREMENTS, reasons_for_command
-from support.flown import Flown, fly
+from support.flown import flying_each
 
 
-def test_a_vehicle_that_is_left_in_offboard_mode_tells_how_to_arm_it(types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        with pytest.raises(ArithmeticError):
-            async with flight.offboard():  # the vehicle stays in the mode after an exception
-                raise ArithmeticError
+@flying_each()
+async def test_a_vehicle_that_is_left_in_offboard_mode_tells_how_to_arm_it(flight: Flight) -> None:
+    with pytest.raises(ArithmeticError):
+        async with flight.offboard():  # the vehicle stays in the mode after an exception
+            raise ArithmeticError
+    assert flight.mode == "offboard"
+    await asyncio.sleep(1.5)
+    with pytest.raises(RefusedError) as raised:
+        await flight.arm()
+    assert raised.value.reasons[:2] == (
+        "OffboardControlMode does not arrive at 2 Hz",
+        "mode offboard is selected (`hold()` selects another)",
+    )
+    await flight.hold()
+    await flight.arm()
+
+
+@flying_each()
+async def test_the_end_of_an_offboard_block_on_the_ground_leaves_a_vehicle_that_can_be_armed(flight: Flight) -> None:
+    async with flight.offboard():
         assert flight.mode == "offboard"
-        await asyncio.sleep(1.5)
-        with pytest.raises(RefusedError) as raised:
-            await flight.arm()
-        assert raised.value.reasons[:2] == (
-            "OffboardControlMode does not arrive at 2 Hz",
-            "mode offboard is selected (`hold()` selects another)",
-        )
-        await flight.hold()
-        await flight.arm()
-
-    fly(types, program)
-
-
-def test_the_end_of_an_offboard_block_on_the_ground_leaves_a_vehicle_that_can_be_armed(types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        async with flight.offboard():
-            assert flight.mode == "offboard"
-        assert flight.mode == "hold"
-        await flight.arm()
-
-    fly(types, program)
+    assert flight.mode == "hold"
+    await flight.arm()
 
 
 def flags(**lacking: set[int]) -> Any:

@@ -20,7 +20,7 @@ from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run
 from support.examples import by_day, examples
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying
 
 LATERAL, LONGITUDINAL, *_ = FIXED_WING.topics
 LIMIT = 250.0
@@ -164,16 +164,14 @@ def test_a_vtol_changes_only_where_it_has_room(px4_types: Any) -> None:
     assert flown(px4_types, go, kind="vtol", mode=Changes) < LIMIT
 
 
-def test_the_flight_itself_refuses_a_change_without_room(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        await flight.takeoff(20.0)
-        commands = len(vehicle.times("vehicle_command"))
-        with pytest.raises(LimitError, match="no room to change"):
-            await flight.to_fixed_wing()
-        assert len(vehicle.times("vehicle_command")) == commands
-
-    fly(px4_types, program, Options(vehicle="vtol"), limits=Limits(distance=120.0))
+@flying(Options(vehicle="vtol"), limits=Limits(distance=120.0))
+async def test_the_flight_itself_refuses_a_change_without_room(flight: Flight, vehicle: Flown) -> None:
+    await flight.arm()
+    await flight.takeoff(20.0)
+    commands = len(vehicle.times("vehicle_command"))
+    with pytest.raises(LimitError, match="no room to change"):
+        await flight.to_fixed_wing()
+    assert len(vehicle.times("vehicle_command")) == commands
 
 
 class Blind(Flown):

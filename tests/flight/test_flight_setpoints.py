@@ -17,7 +17,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.offboard import _Heartbeat
 from msggen.messages.setpoints import ATTITUDE, RATES, TRAJECTORY
 from support.examples import examples
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, fly, flying
 
 
 def test_setpoints_are_sent_at_the_rate_of_their_kind(px4_types: Any) -> None:
@@ -158,7 +158,8 @@ def test_the_heartbeat_of_offboard_names_what_some_axis_has(
     assert told == tuple(not all(map(math.isnan, each)) for each in (position, velocity, acceleration))
 
 
-def test_a_limit_of_a_place_is_positive(px4_types: Any) -> None:
+@flying()
+async def test_a_limit_of_a_place_is_positive(flight: Flight, vehicle: Flown) -> None:
     errors: list[str] = []
 
     class Wrong(Mode):
@@ -172,12 +173,9 @@ def test_a_limit_of_a_place_is_positive(px4_types: Any) -> None:
                         errors.append(str(error))
             await asyncio.Event().wait()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Wrong)
-        await vehicle.in_air(flight, 3.0)
-        await flight.set_mode(Wrong)
-        await asyncio.sleep(0.5)
-        assert "goto_setpoint" not in {each.topic for each in vehicle.sent}
-
-    fly(px4_types, program)
+    await flight.add(Wrong)
+    await vehicle.in_air(flight, 3.0)
+    await flight.set_mode(Wrong)
+    await asyncio.sleep(0.5)
+    assert "goto_setpoint" not in {each.topic for each in vehicle.sent}
     assert errors == [f"expected limits above 0, got [{value}]" for _ in range(3) for value in (0.0, -1.0)]

@@ -30,7 +30,7 @@ from msggen.flight.offboard import Offboard
 from msggen.flight.pytest.vehicle import SimVehicle
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying, flying_each
 
 BOTH = (
     "{0}: expected a GlobalPlace or keywords: `{0}(GlobalPlace(47.4, 8.5, 500.0))` or "
@@ -87,17 +87,15 @@ def test_a_place_on_earth_is_named(name: str, px4_types: Any) -> None:
                 getattr(flight, name)(*arguments, **options)
 
 
-def test_both_ways_to_name_a_place_lead_there(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        home = vehicle.world.home
-        await flight.goto(GlobalPlace(home.latitude + 0.0001, home.longitude, home.altitude + 8.0))
-        assert vehicle.world.flight.position == pytest.approx((11.1, 0.0, -8.0), abs=1.0)
-        await flight.goto(latitude=home.latitude, longitude=home.longitude)
-        assert vehicle.world.flight.position == pytest.approx((0.0, 0.0, -8.0), abs=1.0)
-        await flight.set_home(GlobalPlace(home.latitude, home.longitude, home.altitude))
-
-    fly(px4_types, program)
+@flying()
+async def test_both_ways_to_name_a_place_lead_there(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    home = vehicle.world.home
+    await flight.goto(GlobalPlace(home.latitude + 0.0001, home.longitude, home.altitude + 8.0))
+    assert vehicle.world.flight.position == pytest.approx((11.1, 0.0, -8.0), abs=1.0)
+    await flight.goto(latitude=home.latitude, longitude=home.longitude)
+    assert vehicle.world.flight.position == pytest.approx((0.0, 0.0, -8.0), abs=1.0)
+    await flight.set_home(GlobalPlace(home.latitude, home.longitude, home.altitude))
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
@@ -112,22 +110,20 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
 }
 
 
-def test_wrong_arguments_of_a_setpoint_are_explained(px4_types: Any) -> None:
+@flying()
+async def test_wrong_arguments_of_a_setpoint_are_explained(flight: Flight, vehicle: Flown) -> None:
     explained: set[str] = set()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            for name, (call, text) in WRONG.items():
-                owners: list[Any] = [setpoint] if hasattr(setpoint, name.partition(" ")[0]) else []
-                if name != "goto of a number":  # of a mode, this is told once it flies
-                    owners.append(Mode())
-                for each in owners:
-                    with pytest.raises(TypeError, match=text):
-                        await call(each)
-                    explained.add(name)
-
-    fly(px4_types, program)
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        for name, (call, text) in WRONG.items():
+            owners: list[Any] = [setpoint] if hasattr(setpoint, name.partition(" ")[0]) else []
+            if name != "goto of a number":  # of a mode, this is told once it flies
+                owners.append(Mode())
+            for each in owners:
+                with pytest.raises(TypeError, match=text):
+                    await call(each)
+                explained.add(name)
     assert explained == WRONG.keys()
 
 
@@ -263,24 +259,20 @@ def test_a_flight_to_a_place_ends_with_the_flight(way: str, end: str, px4_types:
 
 
 @pytest.mark.parametrize("name", ["takeoff", "land", "return_home"])
-def test_an_action_of_px4_ends_when_the_vehicle_is_killed(name: str, types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        if name != "takeoff":
-            await flight.takeoff(10.0)
-        asyncio.get_running_loop().call_later(2.0, vehicle.kill)
-        with pytest.raises(NotReachedError, match=r"was not completed: .*disarmed"):
-            await asyncio.wait_for(getattr(flight, name)(*((10.0,) if name == "takeoff" else ())), 30.0)
-
-    fly(types, program)
+@flying_each()
+async def test_an_action_of_px4_ends_when_the_vehicle_is_killed(flight: Flight, vehicle: Flown, name: str) -> None:
+    await flight.arm()
+    if name != "takeoff":
+        await flight.takeoff(10.0)
+    asyncio.get_running_loop().call_later(2.0, vehicle.kill)
+    with pytest.raises(NotReachedError, match=r"was not completed: .*disarmed"):
+        await asyncio.wait_for(getattr(flight, name)(*((10.0,) if name == "takeoff" else ())), 30.0)
 
 
 @pytest.mark.parametrize("name", ["land", "return_home"])
-def test_a_vehicle_that_disarms_on_the_ground_has_landed(name: str, types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        vehicle.lost = {"mode_completed"}
-        await asyncio.wait_for(getattr(flight, name)(), 60.0)
-        assert not vehicle.world.is_armed
-
-    fly(types, program)
+@flying_each()
+async def test_a_vehicle_that_disarms_on_the_ground_has_landed(flight: Flight, vehicle: Flown, name: str) -> None:
+    await vehicle.in_air(flight)
+    vehicle.lost = {"mode_completed"}
+    await asyncio.wait_for(getattr(flight, name)(), 60.0)
+    assert not vehicle.world.is_armed

@@ -20,7 +20,7 @@ from msggen.flight.pytest import SimVehicle
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES, ROVER
 from msggen.sim import Options
 from support.examples import examples
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying
 
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 RETURN = 5
@@ -118,13 +118,11 @@ def test_a_trajectory_is_finite_or_free_in_each_value(
         lambda flight: flight.set_origin(latitude=47.0, longitude=math.inf, altitude=0.0),
     ],
 )
-def test_commands_with_impossible_places_are_not_sent(px4_types: Any, call: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises((ValueError, TypeError), match="expected"):
-            await call(flight)
-        assert not vehicle.sent
-
-    fly(px4_types, program)
+@flying()
+async def test_commands_with_impossible_places_are_not_sent(flight: Flight, vehicle: Flown, call: Any) -> None:
+    with pytest.raises((ValueError, TypeError), match="expected"):
+        await call(flight)
+    assert not vehicle.sent
 
 
 def test_without_an_estimate_there_is_no_position(px4_types: Any) -> None:
@@ -158,18 +156,18 @@ def test_without_an_estimate_there_is_no_position(px4_types: Any) -> None:
     assert {each.partition(":")[0] for each in errors} == {"the vehicle has no valid local position"}
 
 
-def test_a_mode_that_cannot_hold_says_so(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+@flying()
+async def test_a_mode_that_cannot_hold_says_so(
+    flight: Flight, vehicle: Flown, caplog: pytest.LogCaptureFixture
+) -> None:
     class Turns(Mode):
         setpoints = (RATES,)
 
         async def fly(self) -> None:
             await self.hold(1.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_mode(flight, Turns)
-        await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
-
-    fly(px4_types, program)
+    await vehicle.in_mode(flight, Turns)
+    await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
     assert "for a multicopter, declare `setpoints = (GOTO, TRAJECTORY)`" in caplog.text
     assert UnsupportedError.__name__ in caplog.text
 
@@ -239,30 +237,24 @@ def test_degrees_in_the_place_of_radians_are_an_error(px4_types: Any, vehicle: s
     fly(px4_types, program, Options(vehicle=vehicle))
 
 
-def test_an_altitude_in_the_ground_is_an_error(px4_types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        mode = Turns(lambda mode: mode.fixed_wing(course=0.0, altitude=50.0), (FIXED_WING,))
-        await flight.add(mode)
-        await flight.arm()
-        await flight.takeoff(30.0)
-        with pytest.raises(
-            LimitError, match=r"438.* m below home, and nothing was sent: .* altitudes are above sea level"
-        ):
-            await flight.fly(mode)
-
-    fly(px4_types, program, Options(vehicle="plane"))
+@flying(Options(vehicle="plane"))
+async def test_an_altitude_in_the_ground_is_an_error(flight: Flight) -> None:
+    mode = Turns(lambda mode: mode.fixed_wing(course=0.0, altitude=50.0), (FIXED_WING,))
+    await flight.add(mode)
+    await flight.arm()
+    await flight.takeoff(30.0)
+    with pytest.raises(LimitError, match=r"438.* m below home, and nothing was sent: .* altitudes are above sea level"):
+        await flight.fly(mode)
 
 
-def test_a_refusal_names_the_problems_that_the_program_reports(px4_types: Any) -> None:
+@flying()
+async def test_a_refusal_names_the_problems_that_the_program_reports(flight: Flight) -> None:
     class Track(Turns, name="Track"):
         def problems(self) -> Any:
             return [Problem("track_no_target")]
 
-    async def program(flight: Flight, _: Flown) -> None:
-        await flight.add(Track(None))
-        await flight.arm()
-        await flight.takeoff(5.0)
-        with pytest.raises(RefusedError, match="'Track' reports track_no_target"):
-            await flight.fly(Track)
-
-    fly(px4_types, program)
+    await flight.add(Track(None))
+    await flight.arm()
+    await flight.takeoff(5.0)
+    with pytest.raises(RefusedError, match="'Track' reports track_no_target"):
+        await flight.fly(Track)

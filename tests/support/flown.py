@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+import inspect
 import random
 from collections.abc import Callable, Coroutine
 from types import ModuleType
@@ -176,3 +178,34 @@ def fly(
             return await program(flight, vehicle)
 
     return run(main(), vehicle)
+
+
+Test = Callable[..., Coroutine[Any, Any, None]]
+
+
+def flying(options: Options = Options(), *, types: str = "px4_types", **given: Any) -> Callable[[Test], Any]:  # noqa: B008 - it is immutable
+    """Return a decorator of tests that fly, with the types of a fixture: they take a `flight`, and its `vehicle`."""
+
+    def decorated(test: Test) -> Any:
+        taken = dict(inspect.signature(test).parameters)
+        own = {name: taken.pop(name, None) for name in ("flight", "vehicle")}
+        fixtures = {types: inspect.Parameter(types, inspect.Parameter.KEYWORD_ONLY)} | taken
+
+        @functools.wraps(test)
+        def run_it(**found: Any) -> None:
+            async def program(flight: Flight, vehicle: Flown) -> None:
+                values = {"flight": flight, "vehicle": vehicle}
+                await test(**{name: each for name, each in values.items() if own[name]}, **{n: found[n] for n in taken})
+
+            fly(found[types], program, options, **given)
+
+        del run_it.__wrapped__  # otherwise, pytest sees the parameters of the test
+        kinds = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in fixtures.values()]
+        vars(run_it)["__signature__"] = inspect.Signature(kinds)
+        return run_it
+
+    return decorated
+
+
+flying_each = functools.partial(flying, types="types")
+"""The same in each release that has modes."""
