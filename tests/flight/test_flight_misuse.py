@@ -153,25 +153,6 @@ async def test_offboard_in_an_unknown_frame_is_an_error_before_anything_is_sent(
 
 
 @flying()
-async def test_conditions_that_return_nothing_do_not_disturb_other_modes(
-    flight: Flight, vehicle: Flown, caplog: pytest.LogCaptureFixture
-) -> None:
-    class Forgets(Short, name="Forgets"):
-        def problems(self) -> Any:
-            return None
-
-    await flight.add(Forgets, Line)
-    await vehicle.in_air(flight)
-    await flight.set_mode(Line)
-    await asyncio.sleep(5.0)
-    assert vehicle.world.mode == EXTERNAL + 1
-    assert not any(each.is_unresponsive for each in vehicle.world.commander.checks.registered.values())
-    with pytest.raises(RefusedError, match="says that it cannot run"):
-        await flight.set_mode(Forgets)
-    assert caplog.text.count("`problems` of mode 'Forgets' has failed") == 1
-
-
-@flying()
 async def test_conditions_can_be_a_generator(flight: Flight, vehicle: Flown) -> None:
     class Yields(Short, name="Yields"):
         is_ready = False

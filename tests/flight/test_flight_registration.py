@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedError
-from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.setpoints import GOTO
@@ -34,27 +33,13 @@ async def test_a_mode_of_another_version_of_the_interface_is_unregistered(flight
 
 
 @flying_each()
-async def test_a_mode_that_is_replaced_already_is_refused(flight: Flight, vehicle: Flown) -> None:
+async def test_a_mode_that_is_replaced_already_is_refused(flight: Flight) -> None:
     class One(GoesAway, name="One"):
         replaces = RETURN
 
     class Two(GoesAway, name="Two"):
         replaces = RETURN
 
-    class Owner(Executor):
-        mode = One
-
-        async def run(self) -> None:
-            await self.fly()
-
-    class Nobody(Executor):
-        pass
-
-    with pytest.raises(RegistrationError, match="cannot have an executor"):
-        await flight.add(Owner)
-    with pytest.raises(RegistrationError, match="executor Nobody has no mode"):
-        await flight.add(Nobody)
-    assert not vehicle.times("register_ext_component_request")
     await flight.add(One)
     with pytest.raises(RegistrationError, match="another mode already replaces mode 5"):
         await flight.add(Two)
