@@ -96,10 +96,6 @@ class ActiveMode(Active):
             LOGGER.warning("mode %r %s", self.mode.name, f"cannot fly: {why}" if why else "can fly again")
         return found._replace(problems=(*found.problems, Problem("mode_lacks_setpoints", text=why))) if why else found
 
-    def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint of one message from now on. Raises as `send_each`."""
-        self.send_each(kind, {kind.topic: values})
-
     def send_each(self, kind: Kind, values: Values) -> None:
         """Send a setpoint from now on.
 

@@ -29,11 +29,8 @@ class Registered(Protocol):
     def is_active(self) -> bool:
         """Whether the mode flies the vehicle."""
 
-    def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint of one message from now on."""
-
     def send_each(self, kind: Kind, values: Values) -> None:
-        """Send a setpoint of several messages from now on."""
+        """Send a setpoint from now on."""
 
     def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
         """Send a setpoint from now on whose values a function returns each time."""

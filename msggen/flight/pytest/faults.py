@@ -7,7 +7,6 @@ import math
 import random
 from collections.abc import Callable
 from itertools import count
-from typing import NamedTuple
 
 from msggen.flight.pytest.flown import mode_of
 from msggen.sim.faults import choose, read_fault
@@ -18,21 +17,14 @@ _BOOT = 2.0
 """The time in s that a restart takes."""
 
 
-class _Loss(NamedTuple):
-    """Messages that are lost."""
-
-    share: float
-    topics: tuple[str, ...]
-    """Empty: all topics."""
-
-
 class Faults:
     """Faults on request. `at` is the time in s since boot at which one begins, by default now; it lasts `seconds`."""
 
     def __init__(self, vehicle: NearVehicle, seed: str) -> None:
         self._vehicle = vehicle
         self._random = random.Random(f"losses {seed}")  # noqa: S311 - not for secrets
-        self._losses: list[_Loss] = []
+        self._losses: list[tuple[float, tuple[str, ...]]] = []
+        """The shares of messages that are lost, of topics. Empty: all topics."""
         self._due: list[tuple[int, int, Callable[[], object]]] = []
         self._numbers = count()
 
@@ -49,7 +41,7 @@ class Faults:
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"expected a share from 0 to 1, got {share:g}")
-        loss = _Loss(share, topics)
+        loss = share, topics
         self._during(seconds, at, lambda: self._losses.append(loss), lambda: self._losses.remove(loss))
 
     def silence_program(self, seconds: float = math.inf, *, at: float | None = None) -> None:
@@ -106,7 +98,7 @@ class Faults:
 
     def loses(self, topic: str) -> bool:
         """Whether the next message of a topic is lost."""
-        matching = [each.share for each in self._losses if not each.topics or topic in each.topics]
+        matching = [share for share, topics in self._losses if not topics or topic in topics]
         return any(share >= 1.0 or self._random.random() < share for share in matching)
 
     def _change(self, text: str) -> Callable[[], object]:
