@@ -35,6 +35,7 @@ from support.repository import ROOT
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
 
+pytest_plugins = ["support.flight_releases"]
 collect_ignore_glob = [] if CAN_SHARE else ["vehicle/owner/*"]  # Windows has no links that programs share
 
 # The duration of an example depends on the load of the machine. The usual run takes a third of the examples, always the

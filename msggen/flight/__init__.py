@@ -22,8 +22,8 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.measurements import Fusion, NotFusedError
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace, Vector
+from msggen.flight.registration import Deferral, Keeps
 from msggen.messages.events import Component
 from msggen.messages.setpoints import (
     ACTUATORS,

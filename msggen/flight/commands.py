@@ -58,11 +58,14 @@ class Commands:
         """
         topic = "vehicle_command_mode_executor" if executor else "vehicle_command"
         source = EXECUTOR + executor if executor else COMPANION
+        status = self._feeds["vehicle_status"].latest
+        system, component = (0, 0) if status is None else (status.system_id, status.component_id)  # 0: any vehicle
         values = [*parameters, *[math.nan] * (7 - len(parameters))]
         message = filled(
             self._topics.incoming(topic),
             command=number,
-            **self._target(),
+            target_system=system,
+            target_component=component,
             source_system=1,
             source_component=source,
             from_external=True,
@@ -118,9 +121,3 @@ class Commands:
             yield lambda: bool(found)
         finally:
             end()
-
-    def _target(self) -> dict[str, int]:
-        """Return the ids of the vehicle. Before its first status, return 0, which addresses any vehicle."""
-        status = self._feeds["vehicle_status"].latest
-        ids = (0, 0) if status is None else (status.system_id, status.component_id)
-        return dict(zip(("target_system", "target_component"), ids, strict=True))

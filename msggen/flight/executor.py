@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError, report, watched
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import Deferral, Keeps, Overrides
-from msggen.flight.registration import Ids
+from msggen.flight.registration import Deferral, Ids, Keeps, Overrides
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.states import described, is_armed
 from msggen.flight.usage import Hinted

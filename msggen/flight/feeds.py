@@ -22,6 +22,8 @@ _LOOK = 1.0
 _GRACE = 0.5
 """The time in s for which a message can still arrive after the vehicle has left a mode."""
 TRIES: Final = 5
+UTC: Final = 10**15
+"""Timestamps in us from this value on count from 1970, smaller ones from boot."""
 ANY_MODE: Final = range(256)
 """All values of a nav_state."""
 Condition = Callable[[Any], bool]

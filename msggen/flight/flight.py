@@ -1,17 +1,19 @@
-"""A vehicle and the modes and executors of a program, from registration to the end."""
+"""A vehicle and the modes and executors of a program, from registration to the end: also one by a signal."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping, Sequence
+import atexit
+import signal
+import threading
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from types import MappingProxyType, ModuleType, TracebackType
+from types import FrameType, MappingProxyType, ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
 from msggen.flight.checks import Check
 from msggen.flight.commands import Commands
-from msggen.flight.ending import Ending
 from msggen.flight.errors import FlightError, RegistrationError
 from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 
     from msggen.vehicle.vehicle import Vehicle
 
+_TERMINATED = 128 + signal.SIGTERM
+"""The exit code of a program that was ended by SIGTERM."""
 _HEARD = 5.0
 """The time in s within which a vehicle publishes its status."""
 _NEEDED: Final = (
@@ -46,10 +50,86 @@ _NEEDED: Final = (
     Need("out", "mode_completed"),
     Need("in", "vehicle_command"),
 )
-
-
 _NOT_BEGUN = "the flight has not begun: `async with Flight(...) as flight`"
 _OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "measure", "telemetry"})
+
+
+class Ending:
+    """Tells the vehicle when a program ends, and cancels its task at SIGTERM.
+
+    Signals are handled only if the event loop runs in the main thread. A SIGTERM handler of the program is kept.
+    """
+
+    def __init__(self, release: Callable[[], None]) -> None:
+        """Take the function that tells the vehicle. It is called from any thread, and may be called several times."""
+        self._release = release
+        self._task = asyncio.current_task()
+        self._loop = asyncio.get_running_loop()
+        self.is_terminated = False
+
+    def begin(self) -> None:
+        """Start to watch for the end."""
+        atexit.register(self._release)
+        if threading.current_thread() is threading.main_thread():
+            _handlers.add(self)
+
+    def close(self) -> None:
+        """Stop watching."""
+        atexit.unregister(self._release)
+        _handlers.remove(self)
+
+    def leave(self, error: BaseException | None) -> None:
+        """Raise SystemExit instead of the cancellation that SIGTERM has caused."""
+        if self.is_terminated and isinstance(error, asyncio.CancelledError):
+            raise SystemExit(_TERMINATED) from None
+
+    def take(self, number: int) -> None:
+        """Handle a signal. Another thread tells the vehicle: the program may hang or hold a lock of the link."""
+        threading.Thread(target=self._release, name="msggen flight end", daemon=True).start()
+        if number == signal.SIGTERM and self._task is not None:
+            self.is_terminated = True
+            self._loop.call_soon_threadsafe(self._task.cancel)
+
+
+class _Handlers:
+    """The handlers of signals, while there are flights in the main thread."""
+
+    def __init__(self) -> None:
+        self._endings: list[Ending] = []
+        self._before: dict[int, Any] = {}
+
+    def add(self, ending: Ending) -> None:
+        """Install the handlers for the first flight."""
+        self._endings.append(ending)
+        if len(self._endings) > 1:
+            return
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before = signal.getsignal(number)
+            if (number == signal.SIGINT and callable(before)) or before is signal.SIG_DFL:
+                self._before[number] = before
+                signal.signal(number, self._take)
+
+    def remove(self, ending: Ending) -> None:
+        """Restore the previous handlers after the last flight."""
+        if ending not in self._endings:
+            return
+        self._endings.remove(ending)
+        if self._endings:
+            return
+        for number, before in self._before.items():
+            if signal.getsignal(number) == self._take:
+                signal.signal(number, before)
+        self._before.clear()
+
+    def _take(self, number: int, frame: FrameType | None) -> None:
+        before = self._before.get(number)
+        for ending in [*self._endings]:
+            ending.take(number)
+        if callable(before):
+            before(number, frame)
+
+
+_handlers = _Handlers()
 
 
 class Flight(Actions):

@@ -78,18 +78,18 @@ class Goto(NamedTuple):
 
     async def _fly(self, own: Registered) -> None:
         yaw, near = self.heading, _NEAR if self.within is None else self.within
-        own.send(
-            GOTO,
-            position=self.place,
-            flag_control_heading=yaw is not None,
-            heading=yaw or 0.0,
-            flag_set_max_horizontal_speed=self.max_speed is not None,
-            max_horizontal_speed=self.max_speed or 0.0,
-            flag_set_max_vertical_speed=self.max_climb is not None,
-            max_vertical_speed=self.max_climb or 0.0,
-            flag_set_max_heading_rate=self.max_turn_rate is not None,
-            max_heading_rate=self.max_turn_rate or 0.0,
-        )
+        values = {
+            "position": self.place,
+            "flag_control_heading": yaw is not None,
+            "heading": yaw or 0.0,
+            "flag_set_max_horizontal_speed": self.max_speed is not None,
+            "max_horizontal_speed": self.max_speed or 0.0,
+            "flag_set_max_vertical_speed": self.max_climb is not None,
+            "max_vertical_speed": self.max_climb or 0.0,
+            "flag_set_max_heading_rate": self.max_turn_rate is not None,
+            "max_heading_rate": self.max_turn_rate or 0.0,
+        }
+        own.send_each(GOTO, {GOTO.topic: values})
 
         def is_reached(estimate: Any) -> bool:
             if is_on_wings(own.feeds["vehicle_status"].latest):

@@ -72,11 +72,8 @@ class Limits:
 
     def tightened(self, other: Limits) -> Limits:
         """Return the limits within both."""
-        return Limits(
-            height=min(self.height, other.height),
-            distance=min(self.distance, other.distance),
-            depth=min(self.depth, other.depth),
-        )
+        names = ("height", "distance", "depth")
+        return Limits(**{name: min(getattr(self, name), getattr(other, name)) for name in names})
 
 
 NO_LIMITS: Final = Limits()
@@ -283,8 +280,7 @@ class Fence:
     @property
     def ground(self) -> float:
         """How far home is below the origin of the local frame in m: 0 if it is not known."""
-        home = self._known_home()
-        return 0.0 if home is None else home.z
+        return (self._known_home() or Vector(0.0, 0.0, 0.0)).z
 
     def _is_on_wings(self, *, is_plane: bool = False) -> bool:
         """Whether the vehicle flies on wings, and, with `is_plane`, always does."""

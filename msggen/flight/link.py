@@ -111,10 +111,8 @@ class LinkConnection:
 
     def check(self, needs: Iterable[Need]) -> None:
         """Raise UnsupportedError if the vehicle lacks some topics, or has other definitions of them."""
-        try:
+        with _told():
             remote, routes, firmware = self._vehicle.remote, self._vehicle.routes, self._vehicle.firmware
-        except LinkError as error:
-            raise NoAnswerError(str(error)) from None
         differing, missing = set[str](), list[str]()
         for need in needs:
             self._check_zenoh(need)
@@ -236,10 +234,8 @@ class LinkConnection:
         types = {topics.endpoint(*each).message.__msg__.ros_type for each in needs if topics.has(*each)}
         end = self._loop.time() + _KNOWN
         while True:
-            try:
+            with _told():
                 firmware = self._vehicle.firmware
-            except LinkError as error:
-                raise NoAnswerError(str(error)) from None
             if firmware.is_complete or types <= firmware.hashes.keys():
                 return
             if self._loop.time() > end:

@@ -15,7 +15,7 @@ from logging import getLogger
 from typing import Any, Final, NamedTuple
 
 from msggen.flight.errors import FlightError, UnsupportedError
-from msggen.flight.feeds import Connection, Feed, Feeds, Topics, filled
+from msggen.flight.feeds import UTC, Connection, Feed, Feeds, Topics, filled
 from msggen.flight.measured import Measuring, Sample
 from msggen.messages.measurements import (
     GLOBAL,
@@ -31,8 +31,6 @@ from msggen.messages.measurements import (
 )
 
 LOGGER = getLogger("msggen.flight")
-_UTC: Final = 10**15
-"""Times below, in us, are times since boot."""
 _FUTURE: Final = 0.01
 """How far ahead in s the clock of a camera may be."""
 _OTHER_CLOCK: Final = 60.0
@@ -85,7 +83,7 @@ class Measurements(Measuring):
     def time(self) -> int:
         """The time now in us, as PX4 expects it of a measurement: UTC, or since boot if clocks are not synchronized."""
         feed = self._feeds["vehicle_local_position"]
-        if feed.latest is None or feed.latest.timestamp >= _UTC:
+        if feed.latest is None or feed.latest.timestamp >= UTC:
             return clocks.time_ns() // 1000
         return int(feed.latest.timestamp) + round(feed.age * 1e6)
 
@@ -239,7 +237,7 @@ class _Track:
         return f"it has been sent for {begun:.1f} s: EKF2 needs up to {_START:g} s" if begun < _START else ""
 
     def _warn(self, kind: str, text: str, now: int) -> None:
-        if now - self._warned.get(kind, -_UTC) > _REMIND * 1e6:
+        if now - self._warned.get(kind, -UTC) > _REMIND * 1e6:
             self._warned[kind] = now
             LOGGER.warning("%s", text)
 

@@ -15,8 +15,8 @@ from msggen.flight.errors import FlightError
 from msggen.flight.estimates import is_estimate, no_estimate, valid_estimate
 from msggen.flight.gotos import Goto
 from msggen.flight.limits import NO_LIMITS, Limits
-from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace, Vector, heading_of, local_place, turned, turned_heading
+from msggen.flight.registration import Deferral, Keeps
 from msggen.flight.rovers import Driven
 from msggen.flight.sending import Registered, Steered, Trajectory
 from msggen.flight.setpoints import check_seconds, finite, in_range
@@ -140,7 +140,7 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
         latest = self._own.feeds["vehicle_local_position"].latest
         if latest is None or not is_estimate(latest):
             raise no_estimate(self._own.feeds)
-        self._own.send(TRAJECTORY, **found.values(self.frame))
+        self._own.send_each(TRAJECTORY, {TRAJECTORY.topic: found.values(self.frame)})
 
     @explained(usage.ATTITUDE)
     def attitude(self, quaternion: Sequence[float], *, thrust: float, turn_rate: float = 0.0) -> None:
@@ -153,14 +153,16 @@ class Mode(Answering, Steered, Winged, Driven, Actuated):
             raise ValueError(f"expected a quaternion of length 1, got {(w, x, y, z)}")
         finite([turn_rate], "a turn rate")
         thrust_body = thrust_vector(self._own.feeds, in_range(thrust, 0.0, "a thrust"))
-        self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=thrust_body, yaw_sp_move_rate=turn_rate)
+        values = {"q_d": (w, x, y, z), "thrust_body": thrust_body, "yaw_sp_move_rate": turn_rate}
+        self._own.send_each(ATTITUDE, {ATTITUDE.topic: values})
 
     @explained(usage.RATES)
     def rates(self, *, roll: float, pitch: float, yaw: float, thrust: float) -> None:
         """Send rates in rad/s in FRD from now on, and the thrust from 0 to 1: upward, and forward on wings."""
         finite([roll, pitch, yaw], "rates")
         thrust_body = thrust_vector(self._own.feeds, in_range(thrust, 0.0, "a thrust"))
-        self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=thrust_body)
+        values = {"roll": roll, "pitch": pitch, "yaw": yaw, "thrust_body": thrust_body}
+        self._own.send_each(RATES, {RATES.topic: values})
 
     async def to_fixed_wing(self, *, timeout: float = TRANSITION) -> None:
         """Let a VTOL change from hovering to forward flight, and return once its wings carry it.

@@ -13,9 +13,8 @@ from msggen.flight.feeds import Connection, Topics
 from msggen.flight.limits import Limits
 from msggen.flight.link import Need
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import Keeps
 from msggen.flight.places import Frame
-from msggen.flight.registration import Wanted
+from msggen.flight.registration import Keeps, Wanted
 from msggen.messages.nav_states import EXTERNAL
 from msggen.messages.setpoints import SENT, Kind
 

@@ -20,9 +20,18 @@ from msggen.flight.followers import check_kinds
 from msggen.flight.limits import Fence
 from msggen.flight.link import LinkConnection
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import Overrides, check_overrides
 from msggen.flight.part import Part, check_check, check_executor, check_mode, needed_topics
-from msggen.flight.registration import ARMED, NONE, REPLY, ArmedError, Ids, Registrar, ids_of
+from msggen.flight.registration import (
+    ARMED,
+    NONE,
+    REPLY,
+    ArmedError,
+    Ids,
+    Overrides,
+    Registrar,
+    check_overrides,
+    ids_of,
+)
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Memory, Resuming, is_asked
 from msggen.flight.running_mode import ActiveMode

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import UTC, Feeds
 from msggen.flight.states import is_disarmed
 
 _GAP = 1.0
@@ -23,8 +23,6 @@ _REMOVED = 1.0
 """The time in s between two requests from which on PX4 may have removed a check without a mode: 3 replies are missing.
 
 Before v1.17, requests do not say this."""
-_UTC: Final = 10**15
-"""Timestamps in us from this value on count from 1970, smaller ones from boot."""
 
 
 class Restarts:
@@ -74,9 +72,9 @@ class Restarts:
     def _goes_back(self, status: Any, *, is_gap: bool) -> bool:
         """Whether a clock of the vehicle goes back. Reordered messages do not count."""
         before, after = self._last.timestamp, status.timestamp
-        if max(before, after) < _UTC and after + _GAP * 1e6 < before:
+        if max(before, after) < UTC and after + _GAP * 1e6 < before:
             return True
-        is_later = is_gap or after > before >= _UTC
+        is_later = is_gap or after > before >= UTC
         return bool(is_later and status.nav_state_timestamp < self._mode_time)
 
     def _take_request(self, request: Any) -> None:

@@ -20,7 +20,7 @@ from msggen.base.checked import UnexpectedError, field, parsed, real, row, text,
 from msggen.base.disk.reading import read_bytes
 from msggen.flight.checks import Answers, Check, Verdict
 from msggen.flight.errors import NoAnswerError, RegistrationError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import UTC, Feeds
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.registration import NONE, Ids, Registrar
 from msggen.flight.states import is_disarmed
@@ -34,8 +34,6 @@ except ImportError:  # Windows: two programs are not told apart
 
 LOGGER = getLogger("msggen.flight")
 _VERSION: Final = 2
-_UTC: Final = 10**15
-"""Timestamps in us from this value on count from 1970, smaller ones from boot."""
 _SUFFIX: Final = ".json"
 _LATEST: Final = (1 << 64) - 1
 """The largest timestamp of a vehicle in us."""
@@ -218,8 +216,8 @@ def _executor(value: Any) -> int:
 
 def booted(status: Any) -> float:
     """Return when a vehicle has booted, by the monotonic clock in s, or NaN if its timestamps do not tell that."""
-    timestamp = getattr(status, "timestamp", _UTC)
-    return math.nan if timestamp >= _UTC else time.monotonic() - timestamp / 1e6
+    timestamp = getattr(status, "timestamp", UTC)
+    return math.nan if timestamp >= UTC else time.monotonic() - timestamp / 1e6
 
 
 class Resuming:

@@ -16,8 +16,7 @@ from msggen.flight.followers import NOW_FLIES, check_declared, check_follows, la
 from msggen.flight.gotos import NO_LIFT
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode, needs_of
-from msggen.flight.overrides import Overrides
-from msggen.flight.registration import Ids
+from msggen.flight.registration import Ids, Overrides
 from msggen.flight.setpoints import Configuration, Stream, Values
 from msggen.flight.states import described, is_armed, is_in_transition, is_on_wings, is_rover, title_of
 from msggen.flight.steering import Steering
@@ -96,10 +95,6 @@ class ActiveMode(Active):
             self._lacking = why
             LOGGER.warning("mode %r %s", self.mode.name, f"cannot fly: {why}" if why else "can fly again")
         return found._replace(problems=(*found.problems, Problem("mode_lacks_setpoints", text=why))) if why else found
-
-    def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint of one message from now on. Raises as `send_each`."""
-        self.send_each(kind, {kind.topic: values})
 
     def send_each(self, kind: Kind, values: Values) -> None:
         """Send a setpoint from now on.

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Final, NamedTuple, Protocol
 from msggen.flight.actions import Actions
 from msggen.flight.feeds import Feeds, Topics
 from msggen.flight.limits import Fence
-from msggen.flight.overrides import Overrides
 from msggen.flight.places import Frame, heading_of, three, turned
+from msggen.flight.registration import Overrides
 from msggen.flight.setpoints import Values, finite
 from msggen.flight.usage import BY_NAME, Hinted, explained
 from msggen.messages.setpoints import Kind
@@ -29,11 +29,8 @@ class Registered(Protocol):
     def is_active(self) -> bool:
         """Whether the mode flies the vehicle."""
 
-    def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint of one message from now on."""
-
     def send_each(self, kind: Kind, values: Values) -> None:
-        """Send a setpoint of several messages from now on."""
+        """Send a setpoint from now on."""
 
     def guide(self, kind: Kind, make: Callable[[], Values]) -> None:
         """Send a setpoint from now on whose values a function returns each time."""

@@ -12,7 +12,7 @@ import pytest
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying
 
 RETURN, LAND, TAKEOFF = 5, 18, 17
 ARM = 400
@@ -166,8 +166,10 @@ def test_after_an_error_at_any_await_nothing_is_sent(
     print(f"{count} awaits of {part}")
 
 
-def test_an_executor_that_has_failed_does_not_begin_again(px4_types: Any) -> None:
+@flying()
+async def test_an_executor_that_has_failed_does_not_begin_again(flight: Flight, vehicle: Flown) -> None:
     """PX4 returns, lands and disarms. Its mode is selected still, and the executor in charge: it must not take off."""
+
     runs: list[int] = []
 
     class There(Mode, name="There"):
@@ -183,25 +185,24 @@ def test_an_executor_that_has_failed_does_not_begin_again(px4_types: Any) -> Non
             await self.takeoff(4.0)
             raise LookupError
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Fails)
-        await flight.set_mode(There)
-        await vehicle.until(lambda: vehicle.world.mode == RETURN, 20.0)
-        await vehicle.until(lambda: not vehicle.world.is_armed, 40.0)
-        for _ in range(2000):
-            await asyncio.sleep(0.01)
-            assert not vehicle.world.is_armed
-        await flight.set_mode("hold")
-        await asyncio.sleep(1.0)
-        await flight.set_mode(There)
-        await vehicle.until(lambda: vehicle.world.is_armed, 2.0)  # a user has asked for it
-
-    fly(px4_types, program)
+    await flight.add(Fails)
+    await flight.set_mode(There)
+    await vehicle.until(lambda: vehicle.world.mode == RETURN, 20.0)
+    await vehicle.until(lambda: not vehicle.world.is_armed, 40.0)
+    for _ in range(2000):
+        await asyncio.sleep(0.01)
+        assert not vehicle.world.is_armed
+    await flight.set_mode("hold")
+    await asyncio.sleep(1.0)
+    await flight.set_mode(There)
+    await vehicle.until(lambda: vehicle.world.is_armed, 2.0)  # a user has asked for it
     assert len(runs) == 2
 
 
-def test_a_run_begins_when_the_one_before_has_ended(px4_types: Any) -> None:
+@flying()
+async def test_a_run_begins_when_the_one_before_has_ended(flight: Flight, vehicle: Flown) -> None:
     """The first run takes a second to end after its cancellation. Meanwhile, the executor comes into charge again."""
+
     ends: list[str] = []
 
     class There(Mode, name="There"):
@@ -221,23 +222,21 @@ def test_a_run_begins_when_the_one_before_has_ended(px4_types: Any) -> None:
                 await asyncio.sleep(1.0)
                 ends.append("ended")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Slow)
-        await flight.set_mode(There)
-        await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 20.0)
-        await flight.set_mode("hold")
-        await asyncio.sleep(0.3)
-        await flight.set_mode(There)
-        await asyncio.sleep(2.0)
-        assert ends == ["ended"]
-        await flight.set_mode("land")
-        await asyncio.sleep(2.0)
-        assert ends == ["ended"] * 2
-
-    fly(px4_types, program)
+    await flight.add(Slow)
+    await flight.set_mode(There)
+    await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 20.0)
+    await flight.set_mode("hold")
+    await asyncio.sleep(0.3)
+    await flight.set_mode(There)
+    await asyncio.sleep(2.0)
+    assert ends == ["ended"]
+    await flight.set_mode("land")
+    await asyncio.sleep(2.0)
+    assert ends == ["ended"] * 2
 
 
-def test_an_executor_that_stops_to_wait_for_a_mode_ends_it(px4_types: Any) -> None:
+@flying()
+async def test_an_executor_that_stops_to_wait_for_a_mode_ends_it(flight: Flight, vehicle: Flown) -> None:
     """The vehicle holds its place, and the executor goes on."""
 
     class Away(Mode, name="Away"):
@@ -253,21 +252,16 @@ def test_an_executor_that_stops_to_wait_for_a_mode_ends_it(px4_types: Any) -> No
             await self.takeoff(4.0)
             with pytest.raises(asyncio.TimeoutError):
                 await asyncio.wait_for(self.fly(), 3.0)
-            speeds.append(vehicles[0].world.flight.velocity[0])
+            speeds.append(vehicle.world.flight.velocity[0])
             await asyncio.sleep(6.0)
-            speeds.append(vehicles[0].world.flight.velocity[0])
+            speeds.append(vehicle.world.flight.velocity[0])
             await self.land()
 
     speeds: list[float] = []
-    vehicles: list[Flown] = []
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        vehicles.append(vehicle)
-        await flight.add(Patient)
-        await flight.set_mode(Away)
-        await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)
-
-    fly(px4_types, program)
+    await flight.add(Patient)
+    await flight.set_mode(Away)
+    await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)
     assert speeds[0] > 1.0
     assert abs(speeds[1]) < 0.2
 

@@ -15,31 +15,16 @@ from typing import Any
 
 import pytest
 
-from msggen.flight import BlockingFlight, Executor, Flight, FlightError, Mode, NoAnswerError, RefusedError
+from msggen.flight import BlockingFlight, Executor, Flight, FlightError, NoAnswerError, RefusedError
 from msggen.flight.blocking import BlockingMeasurements, BlockingOffboard, BlockingTelemetry
 from msggen.flight.measurements import Measurements
 from msggen.flight.offboard import Offboard
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.telemetry import Telemetry
 from support.examples import by_day
+from support.flown import Square, Tour
 from support.paced import PacedVehicle
 from support.repository import ROOT
-
-
-class Square(Mode, name="Square"):
-    async def fly(self) -> None:
-        begin = await self.position()
-        for x, y in ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0)):
-            await self.goto(begin.shifted(x, y))
-
-
-class Tour(Executor):
-    mode = Square
-
-    async def run(self) -> None:
-        await self.takeoff(5.0)
-        await self.fly()
-        await self.land()
 
 
 @pytest.fixture(autouse=True)

@@ -1,10 +1,10 @@
-"""Tests of checks without a mode, of the health and the arguments in replies, and of what programs get wrong."""
+"""Tests of checks without a mode, of replies to arming checks, their health and arguments, and of wrong ones."""
 
 from __future__ import annotations
 
 import asyncio
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.flight import Check, Component, Executor, Flight, FlightError, Health, Mode, Problem, Severity
+from msggen.flight.checks import Answers, Verdict
 from msggen.flight.errors import RefusedError, RegistrationError
+from msggen.flight.feeds import Feeds
+from msggen.flight.registration import Registrar, Wanted
 from msggen.flight.resuming import Memory
 from msggen.messages.events import CODES, OWN, SIZE, event_id, packed
 from msggen.sim import Options
 from msggen.sim.loop import run
-from support.flown import EXTERNAL, Flown, Line, Short, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, Line, Short, fly, flying, flying_each
+from support.simulation import topics_of
 
 HOLD, POSITION, LAND = 4, 2, 18
 
@@ -51,55 +53,52 @@ def replies(vehicle: Flown) -> list[Any]:
 # arming
 
 
-def test_a_check_keeps_the_vehicle_from_arming_in_all_modes(types: Any) -> None:
+@flying_each()
+async def test_a_check_keeps_the_vehicle_from_arming_in_all_modes(flight: Flight, vehicle: Flown) -> None:
     """HealthAndArmingChecks, denyArming: pre_flight_checks_pass is false."""
+
     doors = Doors()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        status = flight.feeds["vehicle_status"]
-        await flight.add(Line, doors)
-        await status.wait(lambda each: not each.pre_flight_checks_pass, 2.0)
-        for mode in (HOLD, EXTERNAL):
-            await flight.set_mode(mode)
-            with pytest.raises(RefusedError, match=r"arm: .* the preflight checks fail"):
-                await flight.arm()
-        doors.is_open = False
-        await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
-        await flight.arm()
-        assert vehicle.world.is_armed
-
-    fly(types, program)
-
-
-def test_after_it_was_added_a_check_that_has_no_problem_lets_the_vehicle_arm_at_once(types: Any) -> None:
-    doors = Doors()
-    doors.is_open = False
-
-    async def program(flight: Flight, _: Flown) -> None:
-        await flight.add(doors)
-        await flight.arm()
-
-    fly(types, program)
-
-
-def test_a_check_has_no_effect_in_flight(types: Any) -> None:
-    doors = Doors()
-    doors.is_open = False
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(doors, Line)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Line)
-        doors.is_open = True
-        await asyncio.sleep(2.0)
-        assert vehicle.world.mode == EXTERNAL
-        await flight.hold()
-        await flight.land()
-        await flight.wait_disarmed()
-        with pytest.raises(RefusedError, match="the preflight checks fail"):
+    status = flight.feeds["vehicle_status"]
+    await flight.add(Line, doors)
+    await status.wait(lambda each: not each.pre_flight_checks_pass, 2.0)
+    for mode in (HOLD, EXTERNAL):
+        await flight.set_mode(mode)
+        with pytest.raises(RefusedError, match=r"arm: .* the preflight checks fail"):
             await flight.arm()
+    doors.is_open = False
+    await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
+    await flight.arm()
+    assert vehicle.world.is_armed
 
-    fly(types, program)
+
+@flying_each()
+async def test_after_it_was_added_a_check_that_has_no_problem_lets_the_vehicle_arm_at_once(flight: Flight) -> None:
+    doors = Doors()
+
+    doors.is_open = False
+
+    await flight.add(doors)
+    await flight.arm()
+
+
+@flying_each()
+async def test_a_check_has_no_effect_in_flight(flight: Flight, vehicle: Flown) -> None:
+    doors = Doors()
+
+    doors.is_open = False
+
+    await flight.add(doors, Line)
+    await vehicle.in_air(flight)
+    await flight.set_mode(Line)
+    doors.is_open = True
+    await asyncio.sleep(2.0)
+    assert vehicle.world.mode == EXTERNAL
+    await flight.hold()
+    await flight.land()
+    await flight.wait_disarmed()
+    with pytest.raises(RefusedError, match="the preflight checks fail"):
+        await flight.arm()
 
 
 def test_a_check_that_does_not_answer_permits_arming(types: Any) -> None:
@@ -117,110 +116,101 @@ def test_a_check_that_does_not_answer_permits_arming(types: Any) -> None:
 # what is registered
 
 
-def test_a_check_is_registered_without_a_mode_and_unregistered_at_the_end(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Doors)
-        (request,) = [each.message for each in vehicle.sent if each.topic == "register_ext_component_request"]
-        wanted = request.register_arming_check, request.register_mode, request.register_mode_executor
-        assert wanted == (True, False, False)
-        await asyncio.sleep(5.0)
-        assert checks(vehicle) == 1
-        assert not vehicle.world.commander.components.modes
-        flight.close()
-        await asyncio.sleep(0.1)
-        assert not vehicle.world.commander.checks.registered
-        (end,) = [each.message for each in vehicle.sent if each.topic == "unregister_ext_component"]
-        assert (end.mode_id, end.mode_executor_id) == (-1, -1)
-
-    fly(types, program)
+@flying_each()
+async def test_a_check_is_registered_without_a_mode_and_unregistered_at_the_end(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Doors)
+    (request,) = [each.message for each in vehicle.sent if each.topic == "register_ext_component_request"]
+    wanted = request.register_arming_check, request.register_mode, request.register_mode_executor
+    assert wanted == (True, False, False)
+    await asyncio.sleep(5.0)
+    assert checks(vehicle) == 1
+    assert not vehicle.world.commander.components.modes
+    flight.close()
+    await asyncio.sleep(0.1)
+    assert not vehicle.world.commander.checks.registered
+    (end,) = [each.message for each in vehicle.sent if each.topic == "unregister_ext_component"]
+    assert (end.mode_id, end.mode_executor_id) == (-1, -1)
 
 
-def test_a_check_is_not_registered_in_flight(types: Any) -> None:
+@flying_each(Options(parameters={"COM_MODE_ARM_CHK": 1.0}))
+async def test_a_check_is_not_registered_in_flight(flight: Flight, vehicle: Flown) -> None:
     """Also by a vehicle that would take it: a registration disturbs the mode whose check has the id 0."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        with pytest.raises(RegistrationError, match="Doors: the vehicle is armed: register before arming"):
-            await flight.add(Doors)
-        assert not vehicle.times("register_ext_component_request")
-
-    fly(types, program, Options(parameters={"COM_MODE_ARM_CHK": 1.0}))
+    await flight.arm()
+    with pytest.raises(RegistrationError, match="Doors: the vehicle is armed: register before arming"):
+        await flight.add(Doors)
+    assert not vehicle.times("register_ext_component_request")
 
 
-def test_checks_take_the_places_of_modes(types: Any) -> None:
+@flying_each()
+async def test_checks_take_the_places_of_modes(flight: Flight, vehicle: Flown) -> None:
     """PX4 has 8 arming checks, those of modes included."""
+
     many = [type(f"Doors{number}", (Doors,), {"is_open": False}) for number in range(8)]
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Short, *many[:7])
-        with pytest.raises(RegistrationError, match=r"Doors7: no slot is free: PX4 has 8 modes, 8 arming checks"):
-            await flight.add(many[7])
-        assert checks(vehicle) == 7
-        await flight.arm()
-        await asyncio.sleep(3.0)
-        assert checks(vehicle) == 7
-
-    fly(types, program)
+    await flight.add(Short, *many[:7])
+    with pytest.raises(RegistrationError, match=r"Doors7: no slot is free: PX4 has 8 modes, 8 arming checks"):
+        await flight.add(many[7])
+    assert checks(vehicle) == 7
+    await flight.arm()
+    await asyncio.sleep(3.0)
+    assert checks(vehicle) == 7
 
 
 # lost registrations
 
 
-def test_after_a_restart_of_the_vehicle_a_check_is_registered_again(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Doors, Short)
-        await vehicle.restart_after(2.0)
-        await vehicle.until(lambda: checks(vehicle) == 1 and bool(vehicle.world.commander.components.modes), 8.0)
-        await asyncio.sleep(0.7)
-        with pytest.raises(RefusedError, match="the preflight checks fail"):
-            await flight.arm()
-
-    fly(types, program)
+@flying_each()
+async def test_after_a_restart_of_the_vehicle_a_check_is_registered_again(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Doors, Short)
+    await vehicle.restart_after(2.0)
+    await vehicle.until(lambda: checks(vehicle) == 1 and bool(vehicle.world.commander.components.modes), 8.0)
+    await asyncio.sleep(0.7)
+    with pytest.raises(RefusedError, match="the preflight checks fail"):
+        await flight.arm()
 
 
-def test_after_a_lost_link_on_the_ground_a_check_is_registered_again(types: Any) -> None:
+@flying_each()
+async def test_after_a_lost_link_on_the_ground_a_check_is_registered_again(flight: Flight, vehicle: Flown) -> None:
     """A mode that is selected stays registered, so PX4 goes on to send requests."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Short, Doors)
-        await flight.set_mode(Short)
-        vehicle.loss = 1.0
-        await vehicle.until(lambda: not checks(vehicle), 2.0)
-        await asyncio.sleep(0.5)
-        vehicle.loss = 0.0
-        await vehicle.until(lambda: checks(vehicle) == 1, 4.0)
-        await asyncio.sleep(3.0)
-        assert (checks(vehicle), len(vehicle.world.commander.components.modes)) == (1, 1)
-
-    fly(types, program)
+    await flight.add(Short, Doors)
+    await flight.set_mode(Short)
+    vehicle.loss = 1.0
+    await vehicle.until(lambda: not checks(vehicle), 2.0)
+    await asyncio.sleep(0.5)
+    vehicle.loss = 0.0
+    await vehicle.until(lambda: checks(vehicle) == 1, 4.0)
+    await asyncio.sleep(3.0)
+    assert (checks(vehicle), len(vehicle.world.commander.components.modes)) == (1, 1)
 
 
-def test_a_check_that_was_removed_in_flight_is_registered_again_after_landing(types: Any) -> None:
+@flying_each()
+async def test_a_check_that_was_removed_in_flight_is_registered_again_after_landing(
+    flight: Flight, vehicle: Flown
+) -> None:
     """The mode, which the vehicle has kept, goes on and is not registered twice."""
+
     doors = Doors()
+
     doors.is_open = False
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line, doors)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Line)
-        vehicle.loss = 1.0
-        await vehicle.until(lambda: not checks(vehicle), 2.0)
-        vehicle.loss = 0.0
-        await vehicle.until(lambda: vehicle.world.mode == EXTERNAL, 1.0)
-        asked = len(vehicle.times("register_ext_component_request"))
-        await asyncio.sleep(4.0)
-        assert len(vehicle.times("register_ext_component_request")) == asked
-        await flight.land()
-        await flight.wait_disarmed()
-        await vehicle.until(lambda: checks(vehicle) == 1, 4.0)
-        await asyncio.sleep(3.0)
-        assert checks(vehicle) == 1
-        names = [bytes(each.message.name).rstrip(b"\0") for each in vehicle.sent if each.topic.startswith("register")]
-        assert names == [b"Line", b"Doors", b"Doors"]
-        assert [each.name for each in vehicle.world.commander.components.modes.values()] == ["Line"]
-
-    fly(types, program)
+    await flight.add(Line, doors)
+    await vehicle.in_air(flight)
+    await flight.set_mode(Line)
+    vehicle.loss = 1.0
+    await vehicle.until(lambda: not checks(vehicle), 2.0)
+    vehicle.loss = 0.0
+    await vehicle.until(lambda: vehicle.world.mode == EXTERNAL, 1.0)
+    asked = len(vehicle.times("register_ext_component_request"))
+    await asyncio.sleep(4.0)
+    assert len(vehicle.times("register_ext_component_request")) == asked
+    await flight.land()
+    await flight.wait_disarmed()
+    await vehicle.until(lambda: checks(vehicle) == 1, 4.0)
+    await asyncio.sleep(3.0)
+    assert checks(vehicle) == 1
+    names = [bytes(each.message.name).rstrip(b"\0") for each in vehicle.sent if each.topic.startswith("register")]
+    assert names == [b"Line", b"Doors", b"Doors"]
+    assert [each.name for each in vehicle.world.commander.components.modes.values()] == ["Line"]
 
 
 def test_an_id_that_the_vehicle_has_given_to_another_program_is_not_answered_for(types: Any) -> None:
@@ -344,13 +334,13 @@ class Awaits(Check):
         ((type("X" * 25, (Doors,), {}),), "has 25 bytes, expected 1 to 24"),
     ],
 )
-def test_a_wrong_check_is_an_error_before_anything_is_sent(px4_types: Any, parts: Any, text: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(RegistrationError, match=text):
-            await flight.add(Short, *parts)
-        assert vehicle.sent == []
-
-    fly(px4_types, program)
+@flying()
+async def test_a_wrong_check_is_an_error_before_anything_is_sent(
+    flight: Flight, vehicle: Flown, parts: Any, text: str
+) -> None:
+    with pytest.raises(RegistrationError, match=text):
+        await flight.add(Short, *parts)
+    assert vehicle.sent == []
 
 
 def test_a_check_cannot_be_flown(px4_types: Any) -> None:
@@ -381,7 +371,7 @@ def test_a_check_cannot_be_flown(px4_types: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("base", "method", "found"),
+    "case",
     [
         (Doors, "problems", None),
         (Short, "problems", "doors_open"),
@@ -391,21 +381,20 @@ def test_a_check_cannot_be_flown(px4_types: Any) -> None:
         (Short, "health", Component.PAYLOAD),
     ],
 )
-def test_an_answer_of_the_wrong_type_is_told_once_and_does_not_end_the_replies(
-    px4_types: Any, base: type[Doors | Mode], method: str, found: Any, caplog: pytest.LogCaptureFixture
+@flying()
+async def test_an_answer_of_the_wrong_type_is_told_once_and_does_not_end_the_replies(
+    flight: Flight, vehicle: Flown, case: tuple[type[Doors | Mode], str, Any], caplog: pytest.LogCaptureFixture
 ) -> None:
+    base, method, found = case
     wrong: Any = type("Wrong", (base,), {method: lambda _: found, "is_open": False})
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line, wrong)
-        await asyncio.sleep(3.0)
-        registered = vehicle.world.commander.checks.registered
-        assert len(registered) == 2
-        assert not any(each.is_unresponsive for each in registered.values())
-        latest = {each.registration_id: each.can_arm_and_run for each in replies(vehicle)[-4:]}
-        assert latest == {0: True, 1: method == "health"}
-
-    fly(px4_types, program)
+    await flight.add(Line, wrong)
+    await asyncio.sleep(3.0)
+    registered = vehicle.world.commander.checks.registered
+    assert len(registered) == 2
+    assert not any(each.is_unresponsive for each in registered.values())
+    latest = {each.registration_id: each.can_arm_and_run for each in replies(vehicle)[-4:]}
+    assert latest == {0: True, 1: method == "health"}
     assert caplog.text.count(f"`{method}` of {'check' if base is Doors else 'mode'} 'Wrong' has failed") == 1
     assert "expected a" in caplog.text or found is None or isinstance(found, Problem)
 
@@ -413,7 +402,8 @@ def test_an_answer_of_the_wrong_type_is_told_once_and_does_not_end_the_replies(
 # what replies carry
 
 
-def test_a_reply_has_the_health_and_the_arguments(types: Any) -> None:
+@flying_each()
+async def test_a_reply_has_the_health_and_the_arguments(flight: Flight, vehicle: Flown) -> None:
     class Camera(Check):
         def problems(self) -> Iterator[Problem]:  # type: ignore[override]
             yield Problem("camera_slow", Severity.WARNING, (("uint8_t", 3), ("float", 1.5), ("int16_t", -2)))
@@ -425,19 +415,16 @@ def test_a_reply_has_the_health_and_the_arguments(types: Any) -> None:
     class Plain(Short):
         """Says nothing of a component."""
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Camera, Plain)
-        await asyncio.sleep(0.5)
-        plain, camera = sorted(replies(vehicle)[-2:], key=lambda each: bool(each.num_events))
-        assert (plain.health_component_index, plain.health_component_is_present) == (0, False)
-        health = ("index", "is_present", "warning", "error")
-        assert [getattr(camera, f"health_component_{name}") for name in health] == [5, True, True, False]
-        slow, hot = camera.events[: camera.num_events]
-        assert (slow.id, slow.log_levels) == (event_id("camera_slow"), 0x44)
-        assert bytes(slow.arguments) == struct.pack("<IBBfh13x", 0, 5, 3, 1.5, -2)
-        assert bytes(hot.arguments) == struct.pack("<IB20x", 0, 5)
-
-    fly(types, program)
+    await flight.add(Camera, Plain)
+    await asyncio.sleep(0.5)
+    plain, camera = sorted(replies(vehicle)[-2:], key=lambda each: bool(each.num_events))
+    assert (plain.health_component_index, plain.health_component_is_present) == (0, False)
+    health = ("index", "is_present", "warning", "error")
+    assert [getattr(camera, f"health_component_{name}") for name in health] == [5, True, True, False]
+    slow, hot = camera.events[: camera.num_events]
+    assert (slow.id, slow.log_levels) == (event_id("camera_slow"), 0x44)
+    assert bytes(slow.arguments) == struct.pack("<IBBfh13x", 0, 5, 3, 1.5, -2)
+    assert bytes(hot.arguments) == struct.pack("<IB20x", 0, 5)
 
 
 @pytest.mark.parametrize(
@@ -501,3 +488,104 @@ def test_health_is_that_of_a_component(component: Any, text: str) -> None:
 
 def test_components_are_the_bits_of_a_report() -> None:
     assert [*Component] == [*range(32)]
+
+
+REQUEST, REPLY = "arming_check_request", "arming_check_reply"
+PERIOD = 0.314
+FOREIGN = 6
+
+
+class Asked(Flown):
+    """A vehicle whose requests are kept. Those of some numbers, counted from the first one, get lost."""
+
+    def __init__(self, types: Any, lose: range = range(0)) -> None:
+        super().__init__(types)
+        self.asked: list[tuple[float, int]] = []
+        self._lose = lose
+
+    def loses(self, topic: str) -> bool:
+        return topic == REQUEST and len(self.asked) - 1 in self._lose
+
+    def _publish(self, topic: str, /, **values: Any) -> None:
+        if topic == REQUEST:
+            self.asked.append((self.time / 1e6, values["request_id"]))
+        super()._publish(topic, **values)
+
+    def replies(self) -> list[tuple[float, int]]:
+        """Return when replies were sent in s, with the numbers of their requests."""
+        return [(each.time, each.message.request_id) for each in self.sent if each.topic == REPLY]
+
+
+def answered(vehicle: Asked, program: Callable[[Answers, int], Coroutine[Any, Any, None]]) -> Asked:
+    """Run a program that replies for a check, which is registered."""
+
+    async def main() -> None:
+        feeds = Feeds(vehicle)
+        ids = await Registrar(vehicle, feeds).register(Wanted("Any"))
+        answers = Answers(vehicle, feeds)
+        vehicle.asked.clear()
+        await program(answers, ids.check)
+        answers.close()
+        count = len(vehicle.replies())
+        await asyncio.sleep(1.0)
+        assert len(vehicle.replies()) == count, "closed"
+
+    run(main(), vehicle)
+    return vehicle
+
+
+@pytest.mark.parametrize("has_time", [True, False])
+def test_a_check_of_an_earlier_program_is_answered_if_the_request_says_that_it_is_for_it(
+    *, has_time: bool, types: Any
+) -> None:
+    async def program(answers: Answers, check: int) -> None:
+        await asyncio.sleep(0.4)
+        answers.add(check if has_time else FOREIGN, Verdict, only_asked=True)
+        await asyncio.sleep(PERIOD)
+
+    vehicle = answered(Asked(types), program)
+    endpoints = {each.uorb_topic: each.message for each in topics_of(types).ENDPOINTS}
+    tells = "valid_registrations_mask" in {each.name for each in endpoints[REQUEST].__msg__.fields}
+    assert bool(vehicle.replies()) == (has_time and tells)
+
+
+def test_each_request_is_answered_at_once_and_again(types: Any) -> None:
+    async def program(answers: Answers, check: int) -> None:
+        answers.add(check, Verdict)
+        await asyncio.sleep(4 * PERIOD)
+
+    vehicle = answered(Asked(types), program)
+    replies = vehicle.replies()
+    assert len(replies) >= 6
+    expected = [(time + late, number) for time, number in vehicle.asked for late in (0.0, 0.1)][: len(replies)]
+    assert [number for _, number in replies] == [number for _, number in expected]
+    assert [time for time, _ in replies] == pytest.approx([time for time, _ in expected], abs=0.02)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_three_requests_that_are_lost_are_answered(count: int, types: Any) -> None:
+    async def program(answers: Answers, check: int) -> None:
+        answers.add(check, Verdict)
+        await asyncio.sleep(6 * PERIOD)
+
+    vehicle = answered(Asked(types, lose=range(1, 1 + count)), program)
+    times: dict[int, float] = {}
+    for time, number in vehicle.replies():
+        times.setdefault(number, time)
+    late = [times[number] - time if number in times else None for time, number in vehicle.asked[: count + 2]]
+    assert all(each is not None and 0.0 <= each < 0.05 for each in late[:4]), late
+    assert (late[4:5] == [None]) == (count == 4), late
+
+
+def test_replies_of_many_checks_do_not_come_at_once_before_v1_18(types: Any) -> None:
+    async def program(answers: Answers, check: int) -> None:
+        for each in range(check, check + 7):
+            answers.add(each, Verdict)
+        await asyncio.sleep(0.25)
+
+    vehicle = answered(Asked(types), program)
+    begin, number = vehicle.asked[0]
+    times = [round(time - begin, 3) for time, each in vehicle.replies() if each == number and time < begin + 0.09]
+    has_long_queue = "setpoint_config" in {each.uorb_topic for each in topics_of(types).ENDPOINTS}
+    assert len(times) == 7
+    assert (times[3] < 0.005 and times[4] - times[3] < 0.005) == has_long_queue

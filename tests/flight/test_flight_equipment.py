@@ -23,9 +23,7 @@ from msggen.flight.telemetry import (
     vtol_of_status,
 )
 from msggen.sim import Options, values
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, flying, flying_each
 
 HOLD = 4
 PARTS = Options(parts=("airspeed", "receiver", "vtol"))
@@ -70,62 +68,57 @@ def has(types: Any, topic: str) -> bool:
 
 
 @pytest.mark.usefixtures("sensed")
-def test_values_are_those_of_the_vehicle_and_end_with_its_messages(types: Any) -> None:
+@flying_each(PARTS)
+async def test_values_are_those_of_the_vehicle_and_end_with_its_messages(
+    flight: Flight, vehicle: Flown, types: Any
+) -> None:
     """ManualControlInput, OdometryAirspeed, VtolStatus: 0.5 s after the last message they are not valid any more."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        told = flight.telemetry
-        sticks, airspeed, vtol = await told.sticks(), await told.airspeed(), await told.vtol()
-        assert (sticks.roll, sticks.pitch, sticks.yaw, sticks.throttle) == (0.25, 0.5, -0.5, -1.0)
-        assert (sticks.aux[:3], sticks.source, sticks.are_moving) == ((0.125, 0.25, 0.375), 2, True)
-        assert all(map(math.isnan, (sticks.flaps, *sticks.aux[3:])))
-        assert airspeed[:4] == (14.0, 15.0, 16.0, 1)
-        assert all(each.is_valid and each.age < 0.5 for each in (sticks, airspeed))
-        if has(types, "vtol_vehicle_status"):
-            assert (vtol[:2], vtol.is_valid) == (("to fixed wing", True), True)
-        vehicle.loss = 1.0
-        await asyncio.sleep(0.6)
-        assert not (await told.sticks()).is_valid
-        assert not (await told.airspeed()).is_valid
-        assert (await told.vehicle()).is_valid
-        await asyncio.sleep(2.6)
-        assert not (await told.vtol()).is_valid
-        assert not (await told.vehicle()).is_valid
-
-    fly(types, program, PARTS)
+    told = flight.telemetry
+    sticks, airspeed, vtol = await told.sticks(), await told.airspeed(), await told.vtol()
+    assert (sticks.roll, sticks.pitch, sticks.yaw, sticks.throttle) == (0.25, 0.5, -0.5, -1.0)
+    assert (sticks.aux[:3], sticks.source, sticks.are_moving) == ((0.125, 0.25, 0.375), 2, True)
+    assert all(map(math.isnan, (sticks.flaps, *sticks.aux[3:])))
+    assert airspeed[:4] == (14.0, 15.0, 16.0, 1)
+    assert all(each.is_valid and each.age < 0.5 for each in (sticks, airspeed))
+    if has(types, "vtol_vehicle_status"):
+        assert (vtol[:2], vtol.is_valid) == (("to fixed wing", True), True)
+    vehicle.loss = 1.0
+    await asyncio.sleep(0.6)
+    assert not (await told.sticks()).is_valid
+    assert not (await told.airspeed()).is_valid
+    assert (await told.vehicle()).is_valid
+    await asyncio.sleep(2.6)
+    assert not (await told.vtol()).is_valid
+    assert not (await told.vehicle()).is_valid
 
 
-def test_the_wind_is_told_from_v1_17_on(types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        if not has(types, "wind"):
-            with pytest.raises(UnsupportedError, match=r"does not bridge /fmu/out/wind.* PX4 v1.17 and later have it"):
-                await flight.telemetry.wind()
-            return
-        wind = await flight.telemetry.wind()
-        assert (wind.north, wind.east) == pytest.approx((1.5, -0.8))
-        assert wind.is_valid
-
-    fly(types, program, PARTS)
+@flying_each(PARTS)
+async def test_the_wind_is_told_from_v1_17_on(flight: Flight, types: Any) -> None:
+    if not has(types, "wind"):
+        with pytest.raises(UnsupportedError, match=r"does not bridge /fmu/out/wind.* PX4 v1.17 and later have it"):
+            await flight.telemetry.wind()
+        return
+    wind = await flight.telemetry.wind()
+    assert (wind.north, wind.east) == pytest.approx((1.5, -0.8))
+    assert wind.is_valid
 
 
-def test_a_multicopter_has_none_of_it(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        told, begin = flight.telemetry, vehicle.time
-        with pytest.raises(NoAnswerError, match=r"airspeed_validated within 1 s: PX4 publishes it on fixed-wing aircr"):
-            await told.airspeed()
-        assert vehicle.time - begin < 1_200_000
-        assert not (await told.sticks()).is_valid
-        assert (await told.vehicle())[:3] == ("multicopter", False, False)
-        if has(types, "vtol_vehicle_status"):
-            with pytest.raises(NoAnswerError, match="no vtol_vehicle_status within 1 s: PX4 publishes it on VTOLs"):
-                await told.vtol()
-        else:
-            assert (await told.vtol())[:2] == ("unknown", False)
-        if has(types, "wind"):
-            with pytest.raises(NoAnswerError, match=r"no wind within 3 s: PX4 publishes it while its estimator fuses"):
-                await told.wind()
-
-    fly(types, program)
+@flying_each()
+async def test_a_multicopter_has_none_of_it(flight: Flight, vehicle: Flown, types: Any) -> None:
+    told, begin = flight.telemetry, vehicle.time
+    with pytest.raises(NoAnswerError, match=r"airspeed_validated within 1 s: PX4 publishes it on fixed-wing aircr"):
+        await told.airspeed()
+    assert vehicle.time - begin < 1_200_000
+    assert not (await told.sticks()).is_valid
+    assert (await told.vehicle())[:3] == ("multicopter", False, False)
+    if has(types, "vtol_vehicle_status"):
+        with pytest.raises(NoAnswerError, match="no vtol_vehicle_status within 1 s: PX4 publishes it on VTOLs"):
+            await told.vtol()
+    else:
+        assert (await told.vtol())[:2] == ("unknown", False)
+    if has(types, "wind"):
+        with pytest.raises(NoAnswerError, match=r"no wind within 3 s: PX4 publishes it while its estimator fuses"):
+            await told.wind()
 
 
 @pytest.mark.parametrize(
@@ -200,37 +193,32 @@ class Steer(Mode, name="Steer"):
 
 
 @pytest.mark.usefixtures("sensed")
-def test_a_mode_follows_the_sticks_and_needs_them(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Steer)
-        await vehicle.in_air(flight)
-        with pytest.raises(RefusedError, match=r"Steer: .* there are no sticks"):
-            await flight.set_mode(Steer)
-        vehicle.world.has_sticks = True
-        await asyncio.sleep(0.3)
+@flying_each(PARTS)
+async def test_a_mode_follows_the_sticks_and_needs_them(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Steer)
+    await vehicle.in_air(flight)
+    with pytest.raises(RefusedError, match=r"Steer: .* there are no sticks"):
         await flight.set_mode(Steer)
-        await asyncio.sleep(4.0)
-        assert vehicle.world.mode == EXTERNAL
-        assert vehicle.world.flight.velocity[:2] == pytest.approx((1.5, 0.75), abs=0.1)
-        vehicle.world.has_sticks = False
-        await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 1.0)
-
-    fly(types, program, PARTS)
+    vehicle.world.has_sticks = True
+    await asyncio.sleep(0.3)
+    await flight.set_mode(Steer)
+    await asyncio.sleep(4.0)
+    assert vehicle.world.mode == EXTERNAL
+    assert vehicle.world.flight.velocity[:2] == pytest.approx((1.5, 0.75), abs=0.1)
+    vehicle.world.has_sticks = False
+    await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 1.0)
 
 
 @pytest.mark.usefixtures("sensed")
-def test_a_mode_holds_while_the_sticks_are_not_heard(px4_types: Any) -> None:
+@flying(PARTS)
+async def test_a_mode_holds_while_the_sticks_are_not_heard(flight: Flight, vehicle: Flown) -> None:
     """PX4 hears them, and stays in the mode."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Steer)
-        vehicle.world.has_sticks = True
-        await vehicle.in_air(flight)
-        await flight.set_mode(Steer)
-        await asyncio.sleep(3.0)
-        vehicle.lost = {"manual_control_setpoint"}
-        await asyncio.sleep(4.0)
-        assert vehicle.world.mode == EXTERNAL
-        assert vehicle.world.flight.velocity[:2] == pytest.approx((0.0, 0.0), abs=0.1)
-
-    fly(px4_types, program, PARTS)
+    await flight.add(Steer)
+    vehicle.world.has_sticks = True
+    await vehicle.in_air(flight)
+    await flight.set_mode(Steer)
+    await asyncio.sleep(3.0)
+    vehicle.lost = {"manual_control_setpoint"}
+    await asyncio.sleep(4.0)
+    assert vehicle.world.mode == EXTERNAL
+    assert vehicle.world.flight.velocity[:2] == pytest.approx((0.0, 0.0), abs=0.1)

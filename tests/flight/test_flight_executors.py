@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -18,9 +17,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.sim import Options
 from support.examples import examples
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 HOLD, RETURN, LAND, DESCEND = 4, 5, 18, 12
 
@@ -60,70 +57,52 @@ class Mission(Executor):
             raise
 
 
-def test_an_executor_flies_a_whole_flight(types: Any) -> None:
+@flying_each()
+async def test_a_pilot_ends_an_executor_at_once(flight: Flight, vehicle: Flown) -> None:
     mission = Mission()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: "disarmed" in mission.steps, 60.0)
-        assert math.hypot(*vehicle.world.flight.position[:2]) < 1.0
-
-    fly(types, program)
-    assert mission.steps == ["armed", "in the air", "there", "home", "disarmed"]
-
-
-def test_a_pilot_ends_an_executor_at_once(types: Any) -> None:
-    mission = Mission()
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
-        await asyncio.sleep(1.0)
-        await flight.set_mode("hold")
-        await asyncio.sleep(0.3)
-        assert mission.steps[-1] == "cancelled"
-        assert vehicle.world.commander.executor_in_charge == 0
-        sent = len(vehicle.sent)
-        await asyncio.sleep(3.0)
-        kinds = {each.topic for each in vehicle.sent[sent:]}
-        assert kinds == {"arming_check_reply"}
-
-    fly(types, program)
+    await flight.add(mission)
+    await flight.set_mode(EXTERNAL)
+    await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
+    await asyncio.sleep(1.0)
+    await flight.set_mode("hold")
+    await asyncio.sleep(0.3)
+    assert mission.steps[-1] == "cancelled"
+    assert vehicle.world.commander.executor_in_charge == 0
+    sent = len(vehicle.sent)
+    await asyncio.sleep(3.0)
+    kinds = {each.topic for each in vehicle.sent[sent:]}
+    assert kinds == {"arming_check_reply"}
 
 
-def test_an_executor_that_waits_for_arming_starts_then(px4_types: Any) -> None:
+@flying()
+async def test_an_executor_that_waits_for_arming_starts_then(flight: Flight, vehicle: Flown) -> None:
     class Later(Mission):
         starts = "armed"
 
     mission = Later()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(EXTERNAL)
-        await asyncio.sleep(2.0)
-        assert not mission.steps
-        await flight.arm()
-        await vehicle.until(lambda: "home" in mission.steps, 60.0)
-
-    fly(px4_types, program)
+    await flight.add(mission)
+    await flight.set_mode(EXTERNAL)
+    await asyncio.sleep(2.0)
+    assert not mission.steps
+    await flight.arm()
+    await vehicle.until(lambda: "home" in mission.steps, 60.0)
 
 
-def test_an_executor_can_start_once_it_is_registered(px4_types: Any) -> None:
+@flying()
+async def test_an_executor_can_start_once_it_is_registered(flight: Flight, vehicle: Flown) -> None:
     class Now(Mission):
         starts = "registered"
 
     mission = Now()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await vehicle.until(lambda: "disarmed" in mission.steps, 60.0)
-
-    fly(px4_types, program)
+    await flight.add(mission)
+    await vehicle.until(lambda: "disarmed" in mission.steps, 60.0)
 
 
-def test_what_px4_refuses_is_raised_with_the_reason(px4_types: Any) -> None:
+@flying()
+async def test_what_px4_refuses_is_raised_with_the_reason(flight: Flight, vehicle: Flown) -> None:
     errors: list[RefusedError] = []
 
     class Hopeful(Executor):
@@ -136,19 +115,17 @@ def test_what_px4_refuses_is_raised_with_the_reason(px4_types: Any) -> None:
             except RefusedError as error:
                 errors.append(error)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        vehicle.lose_position()
-        await asyncio.sleep(6.0)
-        await flight.add(Hopeful)
-        await flight.set_mode(EXTERNAL)
-        await asyncio.sleep(1.0)
-
-    fly(px4_types, program)
+    vehicle.lose_position()
+    await asyncio.sleep(6.0)
+    await flight.add(Hopeful)
+    await flight.set_mode(EXTERNAL)
+    await asyncio.sleep(1.0)
     assert errors[0].result == 1
     assert "there is no local position" in errors[0].reasons
 
 
-def test_the_exception_of_a_mode_reaches_its_executor(px4_types: Any) -> None:
+@flying()
+async def test_the_exception_of_a_mode_reaches_its_executor(flight: Flight, vehicle: Flown) -> None:
     found: list[BaseException] = []
 
     class Lost(Mode):
@@ -169,19 +146,17 @@ def test_the_exception_of_a_mode_reaches_its_executor(px4_types: Any) -> None:
                 found.append(error)
             await self.land()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Searches)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)  # and never in a failsafe
-        await vehicle.until(lambda: not vehicle.world.is_armed, 30.0)
-
-    fly(px4_types, program)
+    await flight.add(Searches)
+    await flight.set_mode(EXTERNAL)
+    await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)  # and never in a failsafe
+    await vehicle.until(lambda: not vehicle.world.is_armed, 30.0)
     assert [str(each) for each in found] == ["no target"]
 
 
 @pytest.mark.parametrize("error", [RuntimeError, pytest.fail.Exception])
-def test_an_executor_that_fails_lets_px4_return(
-    error: Callable[[str], BaseException], px4_types: Any, caplog: pytest.LogCaptureFixture
+@flying()
+async def test_an_executor_that_fails_lets_px4_return(
+    flight: Flight, vehicle: Flown, error: Callable[[str], BaseException], caplog: pytest.LogCaptureFixture
 ) -> None:
     class Fails(Mission):
         async def run(self) -> None:
@@ -190,16 +165,14 @@ def test_an_executor_that_fails_lets_px4_return(
             await self.fly()
             raise error("broken")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Fails)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: vehicle.world.mode == RETURN, 40.0)
-
-    fly(px4_types, program)
+    await flight.add(Fails)
+    await flight.set_mode(EXTERNAL)
+    await vehicle.until(lambda: vehicle.world.mode == RETURN, 40.0)
     assert "executor Fails has failed" in caplog.text
 
 
-def test_an_executor_flies_other_modes_that_are_registered(px4_types: Any) -> None:
+@flying()
+async def test_an_executor_flies_other_modes_that_are_registered(flight: Flight, vehicle: Flown) -> None:
     visited: list[str] = []
 
     def place(name: str, x: float) -> type[Mode]:
@@ -224,12 +197,9 @@ def test_an_executor_flies_other_modes_that_are_registered(px4_types: Any) -> No
                 await self.fly(type("Mode", (Mode,), {}))
             await self.land()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Tour, one, two)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: vehicle.world.mode == LAND, 60.0)
-
-    fly(px4_types, program)
+    await flight.add(Tour, one, two)
+    await flight.set_mode(EXTERNAL)
+    await vehicle.until(lambda: vehicle.world.mode == LAND, 60.0)
     assert visited == ["One", "Two", "One"]
 
 
@@ -260,49 +230,43 @@ def test_wherever_an_executor_is_ended_it_sends_nothing_more(px4_types: Any, sec
 # actions of a user
 
 
-def test_actions_fly_without_a_mode_of_its_own(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        actions = flight
-        await actions.arm()
-        await actions.takeoff(6.0)
-        assert -vehicle.world.flight.position[2] == pytest.approx(6.0, abs=1.0)
-        await actions.hold()
-        with pytest.raises(RefusedError, match="the vehicle is in the air"):
-            await actions.disarm()
-        await actions.return_home()
-        await actions.wait_disarmed()
-        assert vehicle.world.is_landed
-
-    fly(types, program)
+@flying_each()
+async def test_actions_fly_without_a_mode_of_its_own(flight: Flight, vehicle: Flown) -> None:
+    actions = flight
+    await actions.arm()
+    await actions.takeoff(6.0)
+    assert -vehicle.world.flight.position[2] == pytest.approx(6.0, abs=1.0)
+    await actions.hold()
+    with pytest.raises(RefusedError, match="the vehicle is in the air"):
+        await actions.disarm()
+    await actions.return_home()
+    await actions.wait_disarmed()
+    assert vehicle.world.is_landed
 
 
-def test_an_action_that_a_pilot_ends_is_told(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight, 20.0)
-        landing = asyncio.create_task(flight.land())
+@flying()
+async def test_an_action_that_a_pilot_ends_is_told(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight, 20.0)
+    landing = asyncio.create_task(flight.land())
+    await asyncio.sleep(2.0)
+    await flight.hold()
+    with pytest.raises(NotReachedError, match="the landing was not completed: the vehicle is in mode hold"):
+        await landing
+
+
+@flying_each()
+async def test_offboard_flies_and_ends_in_hold(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight, 5.0)
+    async with flight.offboard("enu") as setpoint:
+        await setpoint.goto((6.0, 0.0, 5.0))
+        assert vehicle.world.flight.position[1] == pytest.approx(6.0, abs=0.7)
+        setpoint.trajectory(velocity=(0.0, 2.0, 0.0))
         await asyncio.sleep(2.0)
-        await flight.hold()
-        with pytest.raises(NotReachedError, match="the landing was not completed: the vehicle is in mode hold"):
-            await landing
-
-    fly(px4_types, program)
-
-
-def test_offboard_flies_and_ends_in_hold(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight, 5.0)
-        async with flight.offboard("enu") as setpoint:
-            await setpoint.goto((6.0, 0.0, 5.0))
-            assert vehicle.world.flight.position[1] == pytest.approx(6.0, abs=0.7)
-            setpoint.trajectory(velocity=(0.0, 2.0, 0.0))
-            await asyncio.sleep(2.0)
-            assert vehicle.world.flight.velocity[0] == pytest.approx(2.0, abs=0.3)
-        assert vehicle.world.mode == HOLD
-        sent = len(vehicle.sent)
-        await asyncio.sleep(1.0)
-        assert len(vehicle.sent) == sent
-
-    fly(types, program)
+        assert vehicle.world.flight.velocity[0] == pytest.approx(2.0, abs=0.3)
+    assert vehicle.world.mode == HOLD
+    sent = len(vehicle.sent)
+    await asyncio.sleep(1.0)
+    assert len(vehicle.sent) == sent
 
 
 def test_offboard_that_ends_with_an_exception_is_a_lost_signal(px4_types: Any) -> None:
@@ -316,40 +280,37 @@ def test_offboard_that_ends_with_an_exception_is_a_lost_signal(px4_types: Any) -
     assert fly(px4_types, program) == pytest.approx(1.0, abs=0.2)  # COM_OF_LOSS_T
 
 
-def test_telemetry_has_meaning(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight, 5.0)
-        telemetry, home = flight.telemetry, vehicle.world.home
-        place = await telemetry.local_position()
-        assert place.is_valid
-        assert place.position == pytest.approx(vehicle.world.flight.position, abs=0.2)
-        there = await telemetry.global_position()
-        assert there.is_valid
-        assert (there.latitude, there.longitude) == pytest.approx((home.latitude, home.longitude), abs=1e-5)
-        assert there.altitude == pytest.approx(home.altitude + 5.0, abs=1.0)
-        battery = await telemetry.battery()
-        assert battery.is_valid
-        assert 0.9 < battery.remaining <= 1.0
-        assert (await telemetry.attitude()).yaw == pytest.approx(0.0, abs=0.05)
-        if any(each.uorb_topic == "home_position" for each in types.topics.ENDPOINTS):  # not in v1.15
-            assert (await telemetry.home()).is_valid
-            assert not (await telemetry.land()).is_landed
-
-    fly(types, program)
+@flying_each()
+async def test_telemetry_has_meaning(flight: Flight, vehicle: Flown, types: Any) -> None:
+    await vehicle.in_air(flight, 5.0)
+    telemetry, home = flight.telemetry, vehicle.world.home
+    place = await telemetry.local_position()
+    assert place.is_valid
+    assert place.position == pytest.approx(vehicle.world.flight.position, abs=0.2)
+    there = await telemetry.global_position()
+    assert there.is_valid
+    assert (there.latitude, there.longitude) == pytest.approx((home.latitude, home.longitude), abs=1e-5)
+    assert there.altitude == pytest.approx(home.altitude + 5.0, abs=1.0)
+    battery = await telemetry.battery()
+    assert battery.is_valid
+    assert 0.9 < battery.remaining <= 1.0
+    assert (await telemetry.attitude()).yaw == pytest.approx(0.0, abs=0.05)
+    if any(each.uorb_topic == "home_position" for each in types.topics.ENDPOINTS):  # not in v1.15
+        assert (await telemetry.home()).is_valid
+        assert not (await telemetry.land()).is_landed
 
 
-def test_failsafes_are_told_apart_from_ends(px4_types: Any) -> None:
+@flying(Options(parameters={"COM_LOW_BAT_ACT": 3.0}))
+async def test_failsafes_are_told_apart_from_ends(flight: Flight, vehicle: Flown) -> None:
     """A low battery takes the vehicle from an executor: it holds for 5 s, then returns (COM_LOW_BAT_ACT 3)."""
+
     mission = Mission()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
-        vehicle.world.battery.discharged = 0.94 * vehicle.world.battery.capacity
-        await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)
-        await asyncio.sleep(0.3)
-        assert mission.steps[-1] == "cancelled"
-        assert await vehicle.until(lambda: vehicle.world.mode == RETURN, 6.0) == pytest.approx(4.7, abs=0.4)
-
-    fly(px4_types, program, Options(parameters={"COM_LOW_BAT_ACT": 3.0}))
+    await flight.add(mission)
+    await flight.set_mode(EXTERNAL)
+    await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
+    vehicle.world.battery.discharged = 0.94 * vehicle.world.battery.capacity
+    await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)
+    await asyncio.sleep(0.3)
+    assert mission.steps[-1] == "cancelled"
+    assert await vehicle.until(lambda: vehicle.world.mode == RETURN, 6.0) == pytest.approx(4.7, abs=0.4)

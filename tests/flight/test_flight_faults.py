@@ -20,9 +20,7 @@ from msggen.flight.mode import Mode
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
 from msggen.sim import Options
 from support.examples import by_day, examples
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 HOLD, RETURN, TAKEOFF = 4, 5, 17
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
@@ -160,9 +158,7 @@ def test_a_setpoint_after_a_pause_in_the_program_is_not_sent_in_another_mode(px4
 
     async def program(flight: Flight, vehicle: Flown) -> list[float]:
         vehicles.append(vehicle)
-        await flight.add(Blocks)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Blocks)
+        await vehicle.in_mode(flight, Blocks)
         await asyncio.sleep(5.0)
         return [each.message.velocity[0] for each in vehicle.sent if each.topic == "trajectory_setpoint"]
 
@@ -291,37 +287,35 @@ def test_what_is_registered_twice_is_unregistered(px4_types: Any) -> None:
     assert kept in {EXTERNAL, EXTERNAL + 1}
 
 
-def test_a_vehicle_that_restarts_gets_no_setpoint_and_is_not_armed(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await in_mode(flight, vehicle, GoesAway)
-        vehicle.restart()
-        await asyncio.sleep(0.6)
-        sent = len(vehicle.sent)
-        await asyncio.sleep(4.0)
-        assert not SETPOINTS & {each.topic for each in vehicle.sent[sent:]}
-        assert not [each for each in vehicle.sent[sent:] if each.topic.startswith("vehicle_command")]
-        assert not vehicle.world.is_armed
-
-    fly(types, program)
+@flying_each()
+async def test_a_vehicle_that_restarts_gets_no_setpoint_and_is_not_armed(flight: Flight, vehicle: Flown) -> None:
+    await in_mode(flight, vehicle, GoesAway)
+    vehicle.restart()
+    await asyncio.sleep(0.6)
+    sent = len(vehicle.sent)
+    await asyncio.sleep(4.0)
+    assert not SETPOINTS & {each.topic for each in vehicle.sent[sent:]}
+    assert not [each for each in vehicle.sent[sent:] if each.topic.startswith("vehicle_command")]
+    assert not vehicle.world.is_armed
 
 
 @pytest.mark.parametrize("seconds", [0.05, 0.1, 0.3, 0.5])
-def test_a_flight_can_end_while_its_modes_are_registered_again(seconds: float, px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        errors: list[Any] = []
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(context))
-        await flight.add(GoesAway)
-        vehicle.restart()
-        sent = len(vehicle.times("register_ext_component_request"))
-        await vehicle.until(lambda: len(vehicle.times("register_ext_component_request")) > sent, 5.0)
-        await asyncio.sleep(seconds - 0.05)
-        flight.close()
-        await asyncio.sleep(1.0)
-        gc.collect()
-        assert errors == []
-        assert not vehicle.world.commander.components.modes
-
-    fly(px4_types, program)
+@flying()
+async def test_a_flight_can_end_while_its_modes_are_registered_again(
+    flight: Flight, vehicle: Flown, seconds: float
+) -> None:
+    errors: list[Any] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(context))
+    await flight.add(GoesAway)
+    vehicle.restart()
+    sent = len(vehicle.times("register_ext_component_request"))
+    await vehicle.until(lambda: len(vehicle.times("register_ext_component_request")) > sent, 5.0)
+    await asyncio.sleep(seconds - 0.05)
+    flight.close()
+    await asyncio.sleep(1.0)
+    gc.collect()
+    assert errors == []
+    assert not vehicle.world.commander.components.modes
 
 
 def test_a_vehicle_that_does_not_answer_commands_is_told(types: Any) -> None:

@@ -15,10 +15,8 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode, needs_of
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, fly, flying_each
 from support.repository import ROOT
-
-pytest_plugins = ["support.flight_releases"]
 
 HOLD, RETURN, TAKEOFF, DESCEND = 4, 5, 17, 12
 
@@ -123,25 +121,24 @@ def test_requirements_of_its_own_are_added(types: Any) -> None:
     assert _set(fly(types, program)) == {"angular_velocity", "home_position", "manual_control"}
 
 
-def test_deny_arming(types: Any) -> None:
+@flying_each()
+async def test_deny_arming(flight: Flight, vehicle: Flown) -> None:
     """denyArming: a check that fails clears pre_flight_checks_pass."""
+
     mode = Picky()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        status = flight.feeds["vehicle_status"]
-        await flight.add(mode)
-        await flight.set_mode(mode)
-        await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
-        mode.is_ready = False
-        await status.wait(lambda each: not each.pre_flight_checks_pass, 2.0)
-        with pytest.raises(RefusedError, match="arm: temporarily rejected"):
-            await flight.arm()
-        assert not vehicle.world.is_armed
-        mode.is_ready = True
-        await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
+    status = flight.feeds["vehicle_status"]
+    await flight.add(mode)
+    await flight.set_mode(mode)
+    await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
+    mode.is_ready = False
+    await status.wait(lambda each: not each.pre_flight_checks_pass, 2.0)
+    with pytest.raises(RefusedError, match="arm: temporarily rejected"):
         await flight.arm()
-
-    fly(types, program)
+    assert not vehicle.world.is_armed
+    mode.is_ready = True
+    await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
+    await flight.arm()
 
 
 def test_run_mode_tests(types: Any) -> None:
@@ -179,6 +176,7 @@ def test_run_executor_autonomous(types: Any) -> None:
         await flight.add(mission)
         await flight.set_mode(There)
         await vehicle.until(lambda: mission.steps[-1:] == ["disarmed"], 90.0)
+        assert math.hypot(*vehicle.world.flight.position[:2]) < 1.0
 
     fly(types, program)
     assert mission.steps == ["begun", "disarmed"]
@@ -226,20 +224,17 @@ def test_run_executor_failsafe(types: Any) -> None:
     assert taken < 0.7
 
 
-def test_vehicle_command_sender(types: Any) -> None:
+@flying_each()
+async def test_vehicle_command_sender(flight: Flight, vehicle: Flown) -> None:
     """Accepted, Rejected, Timeout."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
+    await flight.arm()
+    await flight.disarm()
+    with pytest.raises(RefusedError) as caught:
+        await flight.set_mode(9)
+    assert caught.value.result
+    vehicle.lost = {"vehicle_command"}
+    with pytest.raises(NoAnswerError):
         await flight.arm()
-        await flight.disarm()
-        with pytest.raises(RefusedError) as caught:
-            await flight.set_mode(9)
-        assert caught.value.result
-        vehicle.lost = {"vehicle_command"}
-        with pytest.raises(NoAnswerError):
-            await flight.arm()
-
-    fly(types, program)
 
 
 def test_home_is_set_here_or_there(types: Any) -> None:

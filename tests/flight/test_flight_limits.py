@@ -21,9 +21,8 @@ from msggen.flight.limits import Fence, Limits
 from msggen.flight.mode import Mode
 from msggen.flight.places import Vector
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
-from msggen.sim.loop import run
 from support.examples import by_day, examples
-from support.flown import EXTERNAL, Flown
+from support.flown import Flown, fly
 
 LIMITS = Limits(height=15.0, distance=20.0)
 NAN = math.nan
@@ -51,15 +50,12 @@ class Scripted(Mode, name="Any"):
 
 def flown(package: Any, program: Program, limits: Limits = LIMITS) -> Flown:
     """Fly a program with limits, and return its vehicle, which has kept what was sent."""
-    vehicle = Flown(package)
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=limits) as flight:
-            await program(flight, vehicle)
+    async def whole(flight: Flight, vehicle: Flown) -> Flown:
+        await program(flight, vehicle)
+        return vehicle
 
-    run(main(), vehicle)
-    return vehicle
+    return fly(package, whole, limits=limits)
 
 
 def in_mode(do: Callable[[Scripted], Coroutine[Any, Any, None]], seconds: float) -> tuple[Scripted, Program]:
@@ -67,9 +63,7 @@ def in_mode(do: Callable[[Scripted], Coroutine[Any, Any, None]], seconds: float)
     mode = Scripted(do)
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, mode)
         await asyncio.sleep(seconds)
 
     return mode, program
@@ -230,9 +224,7 @@ def test_the_frame_of_a_mode_counts(px4_types: Any) -> None:
     mode = East(go)
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, mode)
         await vehicle.until(lambda: mode.error is not None, 20.0)
         assert math.dist(vehicle.world.flight.position, (4.0, 3.0, -11.0)) < 0.6
 

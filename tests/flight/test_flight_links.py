@@ -16,9 +16,7 @@ from typing import Any
 import pytest
 
 from msggen.flight import (
-    LOCAL_POSITION,
     BlockingFlight,
-    Executor,
     Flight,
     FlightError,
     Mode,
@@ -40,6 +38,8 @@ from support.flying import (
     LONG,
     PATIENCE,
     FlyingProgram,
+    Hop,
+    Hops,
     commander,
     simulated,
     until,
@@ -53,37 +53,6 @@ from support.served import owners
 pytest_plugins = ["support.owned_links"]
 
 REGISTER = "/fmu/in/register_ext_component_request"
-
-
-class Hop(Mode, name="Hop"):
-    """Flies 1.5 m to the north."""
-
-    requires = LOCAL_POSITION
-
-    async def fly(self) -> None:
-        await self.goto((await self.position()).shifted(1.5))
-
-
-class Hops(Executor):
-    """A whole flight."""
-
-    mode = Hop
-
-    def __init__(self) -> None:
-        self.done: list[str] = []
-        self.end = asyncio.Event()
-
-    async def run(self) -> None:
-        try:
-            await self.takeoff(1.5)
-            self.done.append("takeoff")
-            await self.fly()
-            self.done.append("hop")
-            await self.land()
-            await self.wait_disarmed()
-            self.done.append("landed")
-        finally:
-            self.end.set()
 
 
 class Rests(Mode, name="Rests"):

@@ -22,10 +22,8 @@ from msggen.flight.pytest import SimVehicle
 from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, PLACE, SOURCES, VELOCITY, reason
 from msggen.sim import Options
 from msggen.sim.attitude import product
-from support.flown import EXTERNAL, Flown, Line, fly
+from support.flown import EXTERNAL, Flown, Line, fly, flying, flying_each
 from support.repository import ROOT
-
-pytest_plugins = ["support.flight_releases"]
 
 INDOORS = Options(parameters={"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0})
 PERIOD = 0.05
@@ -139,18 +137,6 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
 """The test of the library, what is measured, and the error."""
 
 
-@pytest.mark.parametrize(("values", "problem"), [each[1:] for each in BAD], ids=[each[0] for each in BAD])
-def test_what_is_no_measurement_is_an_error_before_anything_is_sent(
-    px4_types: Any, values: dict[str, Any], problem: str
-) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> int:
-        with pytest.raises(ValueError, match=problem):
-            flight.measure.local(**values)
-        return len(vehicle.sent)
-
-    assert fly(px4_types, program, INDOORS) == 0
-
-
 BAD_PLACES: list[tuple[dict[str, Any], str]] = [
     ({**EARTH, "latitude": 123.0}, "expected a latitude from -90 to 90"),
     ({**EARTH, "longitude": math.nan}, "expected finite numbers for a place"),
@@ -163,16 +149,29 @@ BAD_PLACES: list[tuple[dict[str, Any], str]] = [
 ]
 
 
+def refused(types: Any, send: Callable[[Flight], object], problem: str) -> None:
+    """Check that what a program sends is an error, and nothing is sent."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        with pytest.raises(ValueError, match=problem):
+            send(flight)
+        assert vehicle.sent == []
+
+    fly(types, program, INDOORS)
+
+
+@pytest.mark.parametrize(("values", "problem"), [each[1:] for each in BAD], ids=[each[0] for each in BAD])
+def test_what_is_no_measurement_is_an_error_before_anything_is_sent(
+    px4_types: Any, values: dict[str, Any], problem: str
+) -> None:
+    refused(px4_types, lambda flight: flight.measure.local(**values), problem)
+
+
 @pytest.mark.parametrize(("values", "problem"), BAD_PLACES, ids=[each[1] for each in BAD_PLACES])
 def test_what_is_no_place_is_an_error_before_anything_is_sent(
     px4_types: Any, values: dict[str, Any], problem: str
 ) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> int:
-        with pytest.raises(ValueError, match=problem):
-            flight.measure.on_earth(**values)
-        return len(vehicle.sent)
-
-    assert fly(px4_types, program, INDOORS) == 0
+    refused(px4_types, lambda flight: flight.measure.on_earth(**values), problem)
 
 
 @pytest.mark.parametrize(
@@ -420,20 +419,18 @@ def test_a_frame_that_needs_north_is_told(px4_types: Any) -> None:
     assert fly(px4_types, program, INDOORS) == "fused"
 
 
-def test_a_jump_is_told_and_reset_ends_it(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        there: dict[str, Any] = {"position": (30.0, 0.0, 0.0), "variance": 0.01}
-        await fused(flight, lambda: flight.measure.local(**HERE))
-        await asyncio.sleep(PERIOD)
-        assert flight.measure.local(**there, reset=True)
-        await asyncio.sleep(0.3)
-        assert vehicle.world.flight.position[:2] == (30.0, 0.0)
-        await while_sending(lambda: flight.measure.local(**there), 1.0)
-        assert [each.is_fused for each in flight.measure.state] == [True, True]
-        counters = [each.message.reset_counter for each in vehicle.sent if each.topic == LOCAL]
-        assert (counters[0], counters[-1]) == (0, 1)
-
-    fly(types, program, INDOORS)
+@flying_each(INDOORS)
+async def test_a_jump_is_told_and_reset_ends_it(flight: Flight, vehicle: Flown) -> None:
+    there: dict[str, Any] = {"position": (30.0, 0.0, 0.0), "variance": 0.01}
+    await fused(flight, lambda: flight.measure.local(**HERE))
+    await asyncio.sleep(PERIOD)
+    assert flight.measure.local(**there, reset=True)
+    await asyncio.sleep(0.3)
+    assert vehicle.world.flight.position[:2] == (30.0, 0.0)
+    await while_sending(lambda: flight.measure.local(**there), 1.0)
+    assert [each.is_fused for each in flight.measure.state] == [True, True]
+    counters = [each.message.reset_counter for each in vehicle.sent if each.topic == LOCAL]
+    assert (counters[0], counters[-1]) == (0, 1)
 
 
 def test_what_was_fused_before_is_told(px4_types: Any) -> None:
@@ -452,31 +449,28 @@ def test_what_was_fused_before_is_told(px4_types: Any) -> None:
 CURE = ": raise its variance, or the reset counter after a jump"
 
 
-def test_what_is_too_far_from_the_estimate_is_told_though_its_flag_is_set(types: Any) -> None:
+@flying_each(INDOORS)
+async def test_what_is_too_far_from_the_estimate_is_told_though_its_flag_is_set(flight: Flight) -> None:
     """EKF2 leaves the flags while it rejects measurements: for 1 s, until it begins anew at them."""
-
-    async def program(flight: Flight, _: Flown) -> None:
-        await fused(flight, lambda: flight.measure.local(**HERE, **MOVING, **LEVEL))
-        off: dict[str, Any] = {
-            "position": (30.0, 0.0, 0.0),
-            "velocity": (0.0, -4.0, 0.0),
-            "attitude": (0.0, 0.0, 0.0, 1.0),
-        }
-        values = {**HERE, **MOVING, **LEVEL, **off}
-        await while_sending(lambda: flight.measure.local(**values), 0.8)
-        flags = flight.measure._flags.latest  # type: ignore[union-attr]
-        assert all(getattr(flags, part.flag) for part in PARTS if part is not PLACE)
-        assert {each.part: re.sub(r"(0\.\d)\d", r"\1", each.reason) for each in flight.measure.state} == {
-            "position": f"x is 30 m from the estimate, and EKF2 takes 0.5 m{CURE}",
-            "height": "",
-            "velocity": f"vy is 4 m/s from the estimate, and EKF2 takes 0.4 m/s{CURE}",
-            "attitude": f"the heading is 180 degrees from the estimate, and EKF2 takes 15 degrees{CURE}",
-        }
-        assert [each.is_fused for each in flight.measure.state] == [False, True, False, False]
-        await while_sending(lambda: flight.measure.local(**{**values, "velocity": (0.0, 0.0, 0.0)}), 1.0)
-        assert [each.is_fused for each in flight.measure.state] == [True] * 4
-
-    fly(types, program, INDOORS)
+    await fused(flight, lambda: flight.measure.local(**HERE, **MOVING, **LEVEL))
+    off: dict[str, Any] = {
+        "position": (30.0, 0.0, 0.0),
+        "velocity": (0.0, -4.0, 0.0),
+        "attitude": (0.0, 0.0, 0.0, 1.0),
+    }
+    values = {**HERE, **MOVING, **LEVEL, **off}
+    await while_sending(lambda: flight.measure.local(**values), 0.8)
+    flags = flight.measure._flags.latest  # type: ignore[union-attr]
+    assert all(getattr(flags, part.flag) for part in PARTS if part is not PLACE)
+    assert {each.part: re.sub(r"(0\.\d)\d", r"\1", each.reason) for each in flight.measure.state} == {
+        "position": f"x is 30 m from the estimate, and EKF2 takes 0.5 m{CURE}",
+        "height": "",
+        "velocity": f"vy is 4 m/s from the estimate, and EKF2 takes 0.4 m/s{CURE}",
+        "attitude": f"the heading is 180 degrees from the estimate, and EKF2 takes 15 degrees{CURE}",
+    }
+    assert [each.is_fused for each in flight.measure.state] == [False, True, False, False]
+    await while_sending(lambda: flight.measure.local(**{**values, "velocity": (0.0, 0.0, 0.0)}), 1.0)
+    assert [each.is_fused for each in flight.measure.state] == [True] * 4
 
 
 REJECTED: list[tuple[dict[str, Any], str]] = [
@@ -565,35 +559,30 @@ def test_a_place_on_earth_is_told(types: Any) -> None:
         assert found.startswith("the longitude is 75 m from the estimate, and EKF2 takes 3.1 m: raise its variance, or")
 
 
-def test_a_moving_vehicle_is_not_taken_for_one_that_is_far(px4_types: Any) -> None:
+@flying(INDOORS)
+async def test_a_moving_vehicle_is_not_taken_for_one_that_is_far(flight: Flight, vehicle: Flown) -> None:
     """What a camera saw 0.25 s ago is compared with where the vehicle was then."""
+    seen: list[tuple[int, Any, Any]] = []
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        seen: list[tuple[int, Any, Any]] = []
+    def see() -> None:
+        motion = vehicle.world.flight
+        seen.append((flight.measure.time, motion.position, motion.velocity))
+        if len(seen) > 5:
+            time, place, velocity = seen[-6]
+            flight.measure.local(position=place, variance=0.01, velocity=velocity, velocity_variance=0.01, time=time)
+        if vehicle.world.mode == EXTERNAL:
+            assert all(each.is_fused for each in flight.measure.state), flight.measure.state
 
-        def see() -> None:
-            motion = vehicle.world.flight
-            seen.append((flight.measure.time, motion.position, motion.velocity))
-            if len(seen) > 5:
-                time, place, velocity = seen[-6]
-                flight.measure.local(
-                    position=place, variance=0.01, velocity=velocity, velocity_variance=0.01, time=time
-                )
-            if vehicle.world.mode == EXTERNAL:
-                assert all(each.is_fused for each in flight.measure.state), flight.measure.state
-
-        eyes = asyncio.ensure_future(repeat(see))
-        await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
-        await flight.measure.fused()
-        await flight.add(Line)
-        await vehicle.in_air(flight, 3.0)
-        await flight.set_mode(Line)
-        await asyncio.sleep(6.0)
-        assert math.hypot(*vehicle.world.flight.velocity) > 4.0
-        assert not eyes.done()
-        eyes.cancel()
-
-    fly(px4_types, program, INDOORS)
+    eyes = asyncio.ensure_future(repeat(see))
+    await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
+    await flight.measure.fused()
+    await flight.add(Line)
+    await vehicle.in_air(flight, 3.0)
+    await flight.set_mode(Line)
+    await asyncio.sleep(6.0)
+    assert math.hypot(*vehicle.world.flight.velocity) > 4.0
+    assert not eyes.done()
+    eyes.cancel()
 
 
 def test_a_program_that_sends_nothing_is_told(px4_types: Any) -> None:
@@ -651,27 +640,25 @@ def test_no_estimate_breaks_the_reason(place: dict[str, Any], numbers: Any, flag
 # A flight without GPS
 
 
-def test_a_vehicle_flies_by_measurements_and_descends_without_them(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        def see() -> None:
-            flight.measure.local(position=vehicle.world.flight.position, variance=0.01)
+@flying_each(INDOORS)
+async def test_a_vehicle_flies_by_measurements_and_descends_without_them(flight: Flight, vehicle: Flown) -> None:
+    def see() -> None:
+        flight.measure.local(position=vehicle.world.flight.position, variance=0.01)
 
-        with pytest.raises(FlightError):
-            await flight.arm()
-        eyes = asyncio.ensure_future(repeat(see))
-        await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
-        await flight.measure.fused()
-        await vehicle.in_air(flight, 3.0)
-        north, east, down = vehicle.world.flight.position
-        await asyncio.sleep(PERIOD / 2)
-        assert flight.measure.local(position=(north + 10.0, east, down), variance=0.01, reset=True)
-        await asyncio.sleep(1.0)
-        assert math.dist(vehicle.world.flight.position, (north + 10.0, east, down)) < 0.5, "it holds where it is"
-        eyes.cancel()
-        assert 4.0 < await vehicle.until(lambda: not vehicle.world.has_position, 6.0) < 5.0
-        await vehicle.until(lambda: vehicle.world.mode == 12, 1.0)
-
-    fly(types, program, INDOORS)
+    with pytest.raises(FlightError):
+        await flight.arm()
+    eyes = asyncio.ensure_future(repeat(see))
+    await flight.set_origin(GlobalPlace(47.4, 8.5, 400.0))
+    await flight.measure.fused()
+    await vehicle.in_air(flight, 3.0)
+    north, east, down = vehicle.world.flight.position
+    await asyncio.sleep(PERIOD / 2)
+    assert flight.measure.local(position=(north + 10.0, east, down), variance=0.01, reset=True)
+    await asyncio.sleep(1.0)
+    assert math.dist(vehicle.world.flight.position, (north + 10.0, east, down)) < 0.5, "it holds where it is"
+    eyes.cancel()
+    assert 4.0 < await vehicle.until(lambda: not vehicle.world.has_position, 6.0) < 5.0
+    await vehicle.until(lambda: vehicle.world.mode == 12, 1.0)
 
 
 def test_a_program_that_flies_and_measures_and_dies(types: Any) -> None:

@@ -35,11 +35,8 @@ from msggen.flight.pytest import SimVehicle
 from msggen.messages import commands, earth
 from msggen.messages.setpoints import FIXED_WING
 from msggen.sim import Options as SimOptions
-from msggen.sim.loop import run
 from msggen.sim.places import Home
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 HOLD, RETURN, DESCEND, TAKEOFF, LAND = 4, 5, 12, 17, 18
 START = Home()
@@ -77,6 +74,13 @@ class Story:
             before[0] = status.nav_state
 
         flight.feeds["vehicle_status"].call(take)
+
+
+async def whole(flight: Flight, mission: Mission) -> None:
+    """Fly a mission to its end."""
+    await flight.add(mission)
+    await flight.arm()
+    await flight.fly(mission)
 
 
 async def begun(flight: Flight, vehicle: Flown, mission: Mission) -> None:
@@ -133,9 +137,7 @@ def test_a_vehicle_stops_only_where_an_action_says_so(types: Any) -> None:
 
         plan = Plan(items, Settings(horizontal_velocity=3.0))
         mission = Mission(plan, actions={"pass": Pass()}, on_progress=passed)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: mission.index == 8, 90.0)
         assert mission.unready == ()
         await vehicle.until(lambda: vehicle.world.mode == HOLD, 2.0)
@@ -155,34 +157,29 @@ def test_custom_action(types: Any) -> None:
         item = ActionItem("customAction", {"customArgument": 1234, "list": [1, 2]}, "an id")
         plan = Plan((TAKE_OFF, at(5.0), item, ActionItem("land")))
         mission = Mission(plan, actions={"customAction": story.note("custom")}, on_progress=story.events.append)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
 
     fly(types, program)
     arguments = {"type": "customAction", "id": "an id", "customArgument": 1234, "list": [1, 2]}
     assert story.events == [0, 1, 2, ("custom", arguments), 3, 4]
 
 
-def test_custom_action_trajectory(types: Any) -> None:
+@flying_each()
+async def test_custom_action_trajectory(flight: Flight, vehicle: Flown) -> None:
     """An action flies two waypoints of its own."""
+
     nearest: list[float] = []
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        places = [at(6.0).place, at(6.0, 6.0).place]
+    places = [at(6.0).place, at(6.0, 6.0).place]
 
-        async def detour(handler: Handler, _: Arguments) -> None:
-            await handler.fly_to(places)
-            nearest.append(math.dist(vehicle.world.flight.position[:2], (6.0, 6.0)))
-            await handler.fly_to([])
+    async def detour(handler: Handler, _: Arguments) -> None:
+        await handler.fly_to(places)
+        nearest.append(math.dist(vehicle.world.flight.position[:2], (6.0, 6.0)))
+        await handler.fly_to([])
 
-        plan = Plan((TAKE_OFF, ActionItem("detour"), at(0.0, 6.0), ActionItem("land")))
-        mission = Mission(plan, actions={"detour": detour})
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
-
-    fly(types, program)
+    plan = Plan((TAKE_OFF, ActionItem("detour"), at(0.0, 6.0), ActionItem("land")))
+    mission = Mission(plan, actions={"detour": detour})
+    await whole(flight, mission)
     assert nearest[0] < 1.0
 
 
@@ -211,18 +208,17 @@ def interrupted_mission(
 
 
 @pytest.mark.parametrize("actions", [{}, {"onResume": None}], ids=["resumeInAir", "resumeWithoutResumeAction"])
-def test_resume_in_air(types: Any, actions: Mapping[str, None]) -> None:
+@flying_each()
+async def test_resume_in_air(flight: Flight, vehicle: Flown, actions: Mapping[str, None]) -> None:
     """A pilot interrupts, and starts the mission again: the same item runs again, and is told so."""
+
     story = Story()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission, _ = interrupted_mission(story, vehicle, HOLD, actions=actions)
-        await begun(flight, vehicle, mission)
-        await vehicle.until(lambda: not mission.is_running, 30.0)
-        assert mission.index == 1
-        await flight.fly(mission)
-
-    fly(types, program)
+    mission, _ = interrupted_mission(story, vehicle, HOLD, actions=actions)
+    await begun(flight, vehicle, mission)
+    await vehicle.until(lambda: not mission.is_running, 30.0)
+    assert mission.index == 1
+    await flight.fly(mission)
     assert story.events == [0, 1, ("interrupted", False), 1, ("interrupted", True), 2, 3, 4]
 
 
@@ -258,22 +254,21 @@ def test_resume_from_landed(types: Any) -> None:
     assert [each for each in story.events if each in steps][-len(steps) :] == steps
 
 
-def test_resume_from_landed_in_rtl(types: Any) -> None:
+@flying_each()
+async def test_resume_from_landed_in_rtl(flight: Flight, vehicle: Flown) -> None:
     """`rtl` is the last item: the mission begins anew."""
+
     story = Story()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(Plan((TAKE_OFF, at(5.0), ActionItem("rtl"))), on_progress=story.events.append)
-        await begun(flight, vehicle, mission)
-        await vehicle.until(lambda: vehicle.world.mode == RETURN, 40.0)
-        vehicle.choose(LAND)
-        await landed(flight, vehicle, mission)
-        assert mission.index == 2
-        await flight.set_mode(mission)
-        await flight.arm()
-        await vehicle.until(lambda: story.events[-1] == 1, 20.0)
-
-    fly(types, program)
+    mission = Mission(Plan((TAKE_OFF, at(5.0), ActionItem("rtl"))), on_progress=story.events.append)
+    await begun(flight, vehicle, mission)
+    await vehicle.until(lambda: vehicle.world.mode == RETURN, 40.0)
+    vehicle.choose(LAND)
+    await landed(flight, vehicle, mission)
+    assert mission.index == 2
+    await flight.set_mode(mission)
+    await flight.arm()
+    await vehicle.until(lambda: story.events[-1] == 1, 20.0)
     assert story.events == [0, 1, 2, 2, 0, 1]
 
 
@@ -319,9 +314,7 @@ def test_persistence(types: Any, tmp_path: Path) -> None:
         mission, _ = interrupted_mission(story, vehicle, LAND, LONG, state=state)
         assert mission.index == 3
         story.follow(flight)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
         again, _ = interrupted_mission(story, vehicle, LAND, LONG, state=state)
         assert again.index is None
         assert not state.exists()
@@ -331,33 +324,31 @@ def test_persistence(types: Any, tmp_path: Path) -> None:
     assert story.events[-len(steps) :] == steps
 
 
-def test_persistence_with_change(types: Any, tmp_path: Path) -> None:
+@flying_each()
+async def test_persistence_with_change(flight: Flight, vehicle: Flown, tmp_path: Path) -> None:
     """Another mission begins with its first item."""
+
     story, state = Story(), tmp_path / "mission.state"
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission, _ = interrupted_mission(story, vehicle, HOLD, state=state)
-        await begun(flight, vehicle, mission)
-        await vehicle.until(lambda: not mission.is_running, 30.0)
-        same, _ = interrupted_mission(story, vehicle, HOLD, state=state)
-        items = (*same.plan.items[:2], at(5.1), *same.plan.items[3:])
-        other, _ = interrupted_mission(story, vehicle, HOLD, items, state=state)
-        assert (same.index, other.index) == (1, None)
-
-    fly(types, program)
+    mission, _ = interrupted_mission(story, vehicle, HOLD, state=state)
+    await begun(flight, vehicle, mission)
+    await vehicle.until(lambda: not mission.is_running, 30.0)
+    same, _ = interrupted_mission(story, vehicle, HOLD, state=state)
+    items = (*same.plan.items[:2], at(5.1), *same.plan.items[3:])
+    other, _ = interrupted_mission(story, vehicle, HOLD, items, state=state)
+    assert (same.index, other.index) == (1, None)
 
 
-def test_a_killed_program_goes_on_with_the_item(types: Any, tmp_path: Path) -> None:
+@flying_each()
+async def test_a_killed_program_goes_on_with_the_item(flight: Flight, vehicle: Flown, tmp_path: Path) -> None:
     """The state is saved at each item, not only when a pilot interrupts."""
+
     state = tmp_path / "mission.state"
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(Plan((TAKE_OFF, at(5.0), at(25.0), ActionItem("land"))), state=state)
-        await begun(flight, vehicle, mission)
-        await vehicle.until(lambda: mission.index == 2, 30.0)
-        assert Mission(mission.plan, state=state).index == 2
-
-    fly(types, program)
+    mission = Mission(Plan((TAKE_OFF, at(5.0), at(25.0), ActionItem("land"))), state=state)
+    await begun(flight, vehicle, mission)
+    await vehicle.until(lambda: mission.index == 2, 30.0)
+    assert Mission(mission.plan, state=state).index == 2
 
 
 class Camera(Action):
@@ -413,9 +404,7 @@ def test_resume_with_actions(types: Any, tmp_path: Path) -> None:
 
     async def completed(flight: Flight, vehicle: Flown) -> None:
         mission = part(vehicle)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
         for each in vehicle.sent:
             message = each.message
             if each.topic == "goto_setpoint" and message.flag_set_max_horizontal_speed:
@@ -470,36 +459,37 @@ async def fails(handler: Handler, _: Arguments) -> None:
 BROKEN = Plan((TAKE_OFF, ActionItem("fails"), ActionItem("land")))
 
 
-def test_failure_default(types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@flying_each()
+async def test_failure_default(flight: Flight, vehicle: Flown, monkeypatch: pytest.MonkeyPatch) -> None:
     """RTL is refused: the vehicle descends. The program is told of the failure."""
+
     story = Story()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(BROKEN, actions={"fails": fails})
-        await flight.add(mission)
-        story.follow(flight)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
-        await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 3.0)
-        command = vehicle.world.command
+    mission = Mission(BROKEN, actions={"fails": fails})
+    await flight.add(mission)
+    story.follow(flight)
+    await flight.arm()
+    flying = asyncio.ensure_future(flight.fly(mission))
+    await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 3.0)
+    command = vehicle.world.command
 
-        def refuse(number: int, parameters: Sequence[float], source: int = 0) -> int:
-            is_return = number == commands.SET_NAV_STATE and parameters[0] == RETURN
-            return 1 if is_return or number == commands.RETURN else command(number, parameters, source)
+    def refuse(number: int, parameters: Sequence[float], source: int = 0) -> int:
+        is_return = number == commands.SET_NAV_STATE and parameters[0] == RETURN
+        return 1 if is_return or number == commands.RETURN else command(number, parameters, source)
 
-        monkeypatch.setattr(vehicle.world, "command", refuse)
-        with pytest.raises(MissionError, match="no action 'nonExistentAction'") as caught:
-            await flying
-        assert (caught.value.reason, caught.value.index, mission.index) == ("actionDoesNotExist", 1, 1)
-        assert str(caught.value).startswith("there is no action")
-        await asyncio.sleep(3.0)
-
-    fly(types, program)
+    monkeypatch.setattr(vehicle.world, "command", refuse)
+    with pytest.raises(MissionError, match="no action 'nonExistentAction'") as caught:
+        await flying
+    assert (caught.value.reason, caught.value.index, mission.index) == ("actionDoesNotExist", 1, 1)
+    assert str(caught.value).startswith("there is no action")
+    await asyncio.sleep(3.0)
     assert story.events[-2:] == [f"mode {TAKEOFF}", f"mode {DESCEND}"]
 
 
-def test_failure_invalid_handler(types: Any) -> None:
+@flying_each()
+async def test_failure_invalid_handler(flight: Flight, vehicle: Flown) -> None:
     """The handler of an action that has failed, or was interrupted, does nothing any more."""
+
     handlers: list[Handler] = []
 
     async def keep(handler: Handler, _: Arguments) -> None:
@@ -510,33 +500,28 @@ def test_failure_invalid_handler(types: Any) -> None:
         handlers.append(handler)
         await handler.vehicle.land()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(BROKEN, actions={"fails": keep, "onFailure": on_failure})
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
-        await vehicle.until(lambda: len(handlers) == 2, 30.0)
-        assert [each.is_valid for each in handlers] == [False, True]
+    mission = Mission(BROKEN, actions={"fails": keep, "onFailure": on_failure})
+    flying = asyncio.ensure_future(whole(flight, mission))
+    await vehicle.until(lambda: len(handlers) == 2, 30.0)
+    assert [each.is_valid for each in handlers] == [False, True]
+    with pytest.raises(FlightError, match="this action has ended"):
+        await handlers[0].fly_to([at(1.0).place])
+    calls: tuple[Callable[[Handler], object], ...] = (
+        lambda handler: handler.vehicle,
+        lambda handler: handler.store("fails", {}),
+        lambda handler: handler.forget("fails"),
+        lambda handler: setattr(handler, "index", 0),
+        lambda handler: setattr(handler, "settings", Settings()),
+    )
+    with pytest.raises(FlightError, match="this action has ended"):
+        await handlers[0].run_action("land")
+    for call in calls:
         with pytest.raises(FlightError, match="this action has ended"):
-            await handlers[0].fly_to([at(1.0).place])
-        calls: tuple[Callable[[Handler], object], ...] = (
-            lambda handler: handler.vehicle,
-            lambda handler: handler.store("fails", {}),
-            lambda handler: handler.forget("fails"),
-            lambda handler: setattr(handler, "index", 0),
-            lambda handler: setattr(handler, "settings", Settings()),
-        )
-        with pytest.raises(FlightError, match="this action has ended"):
-            await handlers[0].run_action("land")
-        for call in calls:
-            with pytest.raises(FlightError, match="this action has ended"):
-                call(handlers[0])
-        vehicle.choose(HOLD)
-        with pytest.raises(FlightError):
-            await flying
-        assert not handlers[1].is_valid
-
-    fly(types, program)
+            call(handlers[0])
+    vehicle.choose(HOLD)
+    with pytest.raises(FlightError):
+        await flying
+    assert not handlers[1].is_valid
 
 
 def test_failure_custom(types: Any, caplog: pytest.LogCaptureFixture) -> None:
@@ -620,20 +605,16 @@ async def nothing(_: Handler, arguments: Arguments) -> None:
     ],
 )
 def test_a_place_that_is_out_of_reach_is_told_before_arming(types: Any, item: Item, limits: Limits, why: str) -> None:
-    vehicle = Flown(types)
+    async def program(flight: Flight, _: Flown) -> None:
+        mission = Mission(Plan((TAKE_OFF, item, ActionItem("rtl"))))
+        await flight.add(mission)
+        await flight.set_mode(mission)
+        await asyncio.sleep(1.5)
+        assert mission.unready[0].startswith(why)
+        with pytest.raises(RefusedError):
+            await flight.arm()
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=limits) as flight:
-            mission = Mission(Plan((TAKE_OFF, item, ActionItem("rtl"))))
-            await flight.add(mission)
-            await flight.set_mode(mission)
-            await asyncio.sleep(1.5)
-            assert mission.unready[0].startswith(why)
-            with pytest.raises(RefusedError):
-                await flight.arm()
-
-    run(main(), vehicle)
+    fly(types, program, limits=limits)
 
 
 FIRST = "item 0 is a waypoint, and the vehicle is on the ground then: put a takeoff before it"
@@ -672,22 +653,22 @@ def test_a_mission_that_cannot_leave_the_ground_is_told_before_arming(
     fly(px4_types, program, SimOptions(vehicle=kind))
 
 
-def test_a_mission_without_takeoff_begins_in_the_air(types: Any) -> None:
+@flying_each()
+async def test_a_mission_without_takeoff_begins_in_the_air(flight: Flight, vehicle: Flown) -> None:
     unready: list[Sequence[str]] = []
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(Plan((at(5.0), ActionItem("land"))), on_progress=lambda _: unready.append(mission.unready))
-        await flight.add(mission)
-        await vehicle.in_air(flight, UP)
-        await flight.fly(mission)
-        assert vehicle.world.is_landed
-        assert unready == [(), (), ()]
-
-    fly(types, program)
+    mission = Mission(Plan((at(5.0), ActionItem("land"))), on_progress=lambda _: unready.append(mission.unready))
+    await flight.add(mission)
+    await vehicle.in_air(flight, UP)
+    await flight.fly(mission)
+    assert vehicle.world.is_landed
+    assert unready == [(), (), ()]
 
 
-def test_an_action_that_raises_fails_the_mission(types: Any) -> None:
+@flying_each()
+async def test_an_action_that_raises_fails_the_mission(flight: Flight, vehicle: Flown) -> None:
     """The vehicle returns home, once, and the program gets the item."""
+
     ended: list[str] = []
 
     class Breaks(Action):
@@ -698,130 +679,109 @@ def test_an_action_that_raises_fails_the_mission(types: Any) -> None:
             ended.append("breaks")
             raise ValueError("worse")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: ended.append(context["message"]))
-        mission = Mission(Plan((TAKE_OFF, ActionItem("breaks"), ActionItem("land"))), actions={"breaks": Breaks()})
-        await flight.add(mission)
-        await flight.arm()
-        with pytest.raises(MissionError, match="ZeroDivisionError: no film") as caught:
-            await flight.fly(mission)
-        assert (caught.value.reason, caught.value.index) == ("other", 1)
-        assert vehicle.world.is_landed
-        sent = [each.message for each in vehicle.sent if "vehicle_command" in each.topic]
-        assert len([each for each in sent if each.command == commands.RETURN]) == 1
-
-    fly(types, program)
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: ended.append(context["message"]))
+    mission = Mission(Plan((TAKE_OFF, ActionItem("breaks"), ActionItem("land"))), actions={"breaks": Breaks()})
+    await flight.add(mission)
+    await flight.arm()
+    with pytest.raises(MissionError, match="ZeroDivisionError: no film") as caught:
+        await flight.fly(mission)
+    assert (caught.value.reason, caught.value.index) == ("other", 1)
+    assert vehicle.world.is_landed
+    sent = [each.message for each in vehicle.sent if "vehicle_command" in each.topic]
+    assert len([each for each in sent if each.command == commands.RETURN]) == 1
     assert ended.count("breaks") == 2  # before `onFailure`, and at the end
     assert "an action of mission 'Mission' has failed" in ended
     assert "`deactivate` of action 'breaks' has failed" in ended
 
 
-def test_a_program_aborts_its_mission(types: Any) -> None:
+@flying_each()
+async def test_a_program_aborts_its_mission(flight: Flight, vehicle: Flown) -> None:
     reasons: list[object] = []
 
     async def on_failure(handler: Handler, arguments: Arguments) -> None:
         reasons.append(arguments["reason"])
         await handler.vehicle.hold()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(Plan((TAKE_OFF, at(30.0), ActionItem("land"))), actions={"onFailure": on_failure})
-        mission.abort()
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
-        await vehicle.until(lambda: mission.index == 1, 20.0)
-        await asyncio.sleep(1.0)
-        mission.abort()
-        with pytest.raises(MissionError, match="aborted"):
-            await flying
-        sent = vehicle.times("goto_setpoint")[-1]
-        await asyncio.sleep(3.0)
-        assert (vehicle.world.mode, mission.index, mission.is_running) == (HOLD, 1, False)
-        assert vehicle.times("goto_setpoint")[-1] < sent + 0.5
-
-    fly(types, program)
+    mission = Mission(Plan((TAKE_OFF, at(30.0), ActionItem("land"))), actions={"onFailure": on_failure})
+    mission.abort()
+    flying = asyncio.ensure_future(whole(flight, mission))
+    await vehicle.until(lambda: mission.index == 1, 20.0)
+    await asyncio.sleep(1.0)
+    mission.abort()
+    with pytest.raises(MissionError, match="aborted"):
+        await flying
+    sent = vehicle.times("goto_setpoint")[-1]
+    await asyncio.sleep(3.0)
+    assert (vehicle.world.mode, mission.index, mission.is_running) == (HOLD, 1, False)
+    assert vehicle.times("goto_setpoint")[-1] < sent + 0.5
     assert reasons == ["other"]
 
 
-def test_a_lost_position_interrupts_the_mission(types: Any) -> None:
+@flying_each()
+async def test_a_lost_position_interrupts_the_mission(flight: Flight, vehicle: Flown) -> None:
     """PX4 descends. When the position is back, the mission goes on with the item."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission = Mission(Plan((TAKE_OFF, at(40.0), ActionItem("land"))))
-        await begun(flight, vehicle, mission)
-        await vehicle.until(lambda: mission.index == 1 and vehicle.world.mode == EXTERNAL, 20.0)
-        await asyncio.sleep(2.0)
-        vehicle.lose_position()
-        await vehicle.until(lambda: not mission.is_running, 8.0)
-        assert (vehicle.world.mode, mission.index) == (DESCEND, 1)
-        vehicle.lose_position(is_lost=False)
-        await vehicle.until(lambda: mission.is_running, 5.0)
-        await vehicle.until(lambda: not mission.is_running, 60.0)
-        assert mission.index is None
-
-    fly(types, program)
+    mission = Mission(Plan((TAKE_OFF, at(40.0), ActionItem("land"))))
+    await begun(flight, vehicle, mission)
+    await vehicle.until(lambda: mission.index == 1 and vehicle.world.mode == EXTERNAL, 20.0)
+    await asyncio.sleep(2.0)
+    vehicle.lose_position()
+    await vehicle.until(lambda: not mission.is_running, 8.0)
+    assert (vehicle.world.mode, mission.index) == (DESCEND, 1)
+    vehicle.lose_position(is_lost=False)
+    await vehicle.until(lambda: mission.is_running, 5.0)
+    await vehicle.until(lambda: not mission.is_running, 60.0)
+    assert mission.index is None
 
 
-def test_disarming_interrupts_the_mission(types: Any) -> None:
+@flying_each()
+async def test_disarming_interrupts_the_mission(flight: Flight, vehicle: Flown) -> None:
     """Nothing is commanded, and the mission keeps its item."""
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        def fail(_: int) -> None:
-            raise ValueError("told, and no more")
+    def fail(_: int) -> None:
+        raise ValueError("told, and no more")
 
-        mission = Mission(Plan((TAKE_OFF, at(40.0), ActionItem("land"))), on_progress=fail)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
-        await vehicle.until(lambda: mission.index == 1, 20.0)
-        vehicle.kill()
-        before = len([each for each in vehicle.sent if "vehicle_command" in each.topic])
-        with pytest.raises(NotReachedError, match="disarmed"):
-            await flying
-        assert (mission.index, mission.is_running) == (1, False)
-        await asyncio.sleep(2.0)
-        assert len([each for each in vehicle.sent if "vehicle_command" in each.topic]) == before
-        await flight.arm()
-        await vehicle.until(lambda: mission.is_running, 1.0)
-
-    fly(types, program)
-
-
-def test_two_missions_belong_to_one_flight(types: Any) -> None:
-    """Each has a mode of its own."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        first, second = (Mission(Plan((TAKE_OFF, ActionItem("land"))), name=name) for name in ("first", "second"))
-        await flight.add(first, second)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(second))
-        await vehicle.until(lambda: second.is_running, 3.0)
-        assert not first.is_running
-        with pytest.raises(FlightError, match="is flown: set another plan when it has ended"):
-            second.plan = first.plan
+    mission = Mission(Plan((TAKE_OFF, at(40.0), ActionItem("land"))), on_progress=fail)
+    flying = asyncio.ensure_future(whole(flight, mission))
+    await vehicle.until(lambda: mission.index == 1, 20.0)
+    vehicle.kill()
+    before = len([each for each in vehicle.sent if "vehicle_command" in each.topic])
+    with pytest.raises(NotReachedError, match="disarmed"):
         await flying
-        first.plan = Plan((ActionItem("takeoff"), ActionItem("rtl")))
+    assert (mission.index, mission.is_running) == (1, False)
+    await asyncio.sleep(2.0)
+    assert len([each for each in vehicle.sent if "vehicle_command" in each.topic]) == before
+    await flight.arm()
+    await vehicle.until(lambda: mission.is_running, 1.0)
 
-    fly(types, program)
+
+@flying_each()
+async def test_two_missions_belong_to_one_flight(flight: Flight, vehicle: Flown) -> None:
+    """Each has a mode of its own."""
+    first, second = (Mission(Plan((TAKE_OFF, ActionItem("land"))), name=name) for name in ("first", "second"))
+    await flight.add(first, second)
+    await flight.arm()
+    flying = asyncio.ensure_future(flight.fly(second))
+    await vehicle.until(lambda: second.is_running, 3.0)
+    assert not first.is_running
+    with pytest.raises(FlightError, match="is flown: set another plan when it has ended"):
+        second.plan = first.plan
+    await flying
+    first.plan = Plan((ActionItem("takeoff"), ActionItem("rtl")))
 
 
-def test_an_action_can_repeat_a_part_of_the_mission(types: Any) -> None:
+@flying_each()
+async def test_an_action_can_repeat_a_part_of_the_mission(flight: Flight) -> None:
     indices: list[int] = []
 
-    async def program(flight: Flight, _: Flown) -> None:
-        async def again(handler: Handler, arguments: Arguments) -> None:
-            with pytest.raises(ValueError, match="expected an index below 4"):
-                handler.index = 4
-            if indices.count(1) < arguments["times"]:
-                handler.index = 0
+    async def again(handler: Handler, arguments: Arguments) -> None:
+        with pytest.raises(ValueError, match="expected an index below 4"):
+            handler.index = 4
+        if indices.count(1) < arguments["times"]:
+            handler.index = 0
 
-        plan = Plan((TAKE_OFF, ActionItem("nothing"), ActionItem("again", {"times": 2}), ActionItem("land")))
-        mission = Mission(plan, actions={"again": again, "nothing": nothing}, on_progress=indices.append)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
-
-    fly(types, program)
+    plan = Plan((TAKE_OFF, ActionItem("nothing"), ActionItem("again", {"times": 2}), ActionItem("land")))
+    mission = Mission(plan, actions={"again": again, "nothing": nothing}, on_progress=indices.append)
+    await whole(flight, mission)
     assert indices == [0, 1, 2, 0, 1, 2, 3, 4]
 
 
@@ -872,31 +832,24 @@ def test_a_mission_takes_each_vehicle_to_its_waypoints(px4_types: Any, kind: str
         plan = Plan((*front, *goals, ActionItem("hold")), speed)
         mission = Mission(plan, actions={"forward": forward})
         flight.feeds["vehicle_local_position"].call(near)
-        await flight.add(mission)
-        await flight.arm()
-        await flight.fly(mission)
+        await whole(flight, mission)
         assert mission.index is None
 
     fly(px4_types, program, SimOptions(vehicle=kind))
     assert max(nearest) < (3.0 if kind == "rover" else 60.0)
 
 
-def test_a_heading_rate_of_0_keeps_the_heading(px4_types: Any) -> None:
+@flying()
+async def test_a_heading_rate_of_0_keeps_the_heading(flight: Flight, vehicle: Flown) -> None:
     """As in px4-ros2-interface-lib, which lets PX4 turn as slowly as it can."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        plan = Plan((TAKE_OFF, at(0.0, 6.0), ActionItem("rtl")), Settings(max_heading_rate=0.0))
-        mission = Mission(plan)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
-        await vehicle.until(lambda: mission.index == 2, 40.0)
-        flying.cancel()
-        sent = [each for each in vehicle.sent if each.topic == "goto_setpoint"]
-        assert not any(each.message.flag_control_heading for each in sent)
-        assert len(sent) < 33 * (sent[-1].time - sent[0].time) + 3
-
-    fly(px4_types, program)
+    plan = Plan((TAKE_OFF, at(0.0, 6.0), ActionItem("rtl")), Settings(max_heading_rate=0.0))
+    mission = Mission(plan)
+    flying = asyncio.ensure_future(whole(flight, mission))
+    await vehicle.until(lambda: mission.index == 2, 40.0)
+    flying.cancel()
+    sent = [each for each in vehicle.sent if each.topic == "goto_setpoint"]
+    assert not any(each.message.flag_control_heading for each in sent)
+    assert len(sent) < 33 * (sent[-1].time - sent[0].time) + 3
 
 
 @pytest.mark.parametrize("kind", ["plane", "vtol", "rover"])
@@ -927,9 +880,7 @@ def test_a_mission_holds_for_a_time(types: Any) -> None:
 
         plan = Plan((TAKE_OFF, ActionItem("hold", {"duration": 3.0}), ActionItem("hold"), ActionItem("land")))
         mission = Mission(plan, on_progress=note)
-        await flight.add(mission)
-        await flight.arm()
-        flying = asyncio.ensure_future(flight.fly(mission))
+        flying = asyncio.ensure_future(whole(flight, mission))
         await vehicle.until(lambda: len(times) == 2, 20.0)
         await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)
         await flying
@@ -951,16 +902,16 @@ def test_a_program_without_asyncio_flies_a_mission(px4_types: Any) -> None:
 
 
 @pytest.mark.parametrize(("altitude", "error"), [(math.nan, "finite"), (400.0, "above the ground, which is at 488 m")])
-def test_takeoff_to_an_altitude_above_the_sea_is_checked(types: Any, altitude: float, error: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        with pytest.raises(ValueError, match=error):
-            await flight.takeoff(above_sea=altitude)
-        with pytest.raises(ValueError, match="got both"):
-            await flight.takeoff(5.0, above_sea=500.0)
-        assert vehicle.world.mode == HOLD
-        await flight.takeoff(above_sea=START.altitude + 4.0)
-        assert vehicle.world.altitude == pytest.approx(START.altitude + 4.0, abs=1.0)
-        await flight.takeoff(above_sea=START.altitude + 4.0)
-
-    fly(types, program)
+@flying_each()
+async def test_takeoff_to_an_altitude_above_the_sea_is_checked(
+    flight: Flight, vehicle: Flown, altitude: float, error: str
+) -> None:
+    await flight.arm()
+    with pytest.raises(ValueError, match=error):
+        await flight.takeoff(above_sea=altitude)
+    with pytest.raises(ValueError, match="got both"):
+        await flight.takeoff(5.0, above_sea=500.0)
+    assert vehicle.world.mode == HOLD
+    await flight.takeoff(above_sea=START.altitude + 4.0)
+    assert vehicle.world.altitude == pytest.approx(START.altitude + 4.0, abs=1.0)
+    await flight.takeoff(above_sea=START.altitude + 4.0)

@@ -17,9 +17,7 @@ from msggen.flight.mode import Mode
 from msggen.messages.setpoints import ATTITUDE, GOTO
 from msggen.sim import Options
 from msggen.sim.loop import run
-from support.flown import EXTERNAL, Flown, Line, Short, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, Line, Short, fly, flying, flying_each
 
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
 
@@ -100,15 +98,15 @@ WRONG: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(("part", "text"), WRONG, ids=[text[:50] for _, text in WRONG])
-def test_a_wrong_declaration_is_an_error_before_anything_is_sent(px4_types: Any, part: Any, text: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(RegistrationError, match=text):
-            await flight.add(Short, part)
-        assert vehicle.sent == []
-        await flight.add(Short)
-        assert names(vehicle) == {"Short"}
-
-    fly(px4_types, program)
+@flying()
+async def test_a_wrong_declaration_is_an_error_before_anything_is_sent(
+    flight: Flight, vehicle: Flown, part: Any, text: str
+) -> None:
+    with pytest.raises(RegistrationError, match=text):
+        await flight.add(Short, part)
+    assert vehicle.sent == []
+    await flight.add(Short)
+    assert names(vehicle) == {"Short"}
 
 
 @pytest.mark.parametrize(
@@ -120,14 +118,12 @@ def test_a_wrong_declaration_is_an_error_before_anything_is_sent(px4_types: Any,
         ((Short, with_values(Line, name="x" * 30)), "has 30 bytes, expected 1 to 24"),
     ],
 )
-def test_wrong_parts_leave_nothing_registered(px4_types: Any, parts: Any, text: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(RegistrationError, match=text):
-            await flight.add(*parts)
-        assert vehicle.sent == []
-        assert not any(each.is_registered for each in parts if not isinstance(each, type))
-
-    fly(px4_types, program)
+@flying()
+async def test_wrong_parts_leave_nothing_registered(flight: Flight, vehicle: Flown, parts: Any, text: str) -> None:
+    with pytest.raises(RegistrationError, match=text):
+        await flight.add(*parts)
+    assert vehicle.sent == []
+    assert not any(each.is_registered for each in parts if not isinstance(each, type))
 
 
 def test_a_name_is_that_of_the_class_statement_or_body() -> None:
@@ -143,43 +139,21 @@ def test_a_name_is_that_of_the_class_statement_or_body() -> None:
     assert (Body.name, Both.name, Sub.name) == ("My square", "Statement", "Sub")
 
 
-def test_offboard_in_an_unknown_frame_is_an_error_before_anything_is_sent(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        sent = len(vehicle.sent)
-        with pytest.raises(ValueError, match="expected the frame 'ned' or 'enu', got 'NED'"):
-            async with flight.offboard("NED"):  # type: ignore[arg-type]
-                pass
-        assert len(vehicle.sent) == sent
-
-    fly(px4_types, program)
+@flying()
+async def test_offboard_in_an_unknown_frame_is_an_error_before_anything_is_sent(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    sent = len(vehicle.sent)
+    with pytest.raises(ValueError, match="expected the frame 'ned' or 'enu', got 'NED'"):
+        async with flight.offboard("NED"):  # type: ignore[arg-type]
+            pass
+    assert len(vehicle.sent) == sent
 
 
 # conditions of a mode
 
 
-def test_conditions_that_return_nothing_do_not_disturb_other_modes(
-    px4_types: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    class Forgets(Short, name="Forgets"):
-        def problems(self) -> Any:
-            return None
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Forgets, Line)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Line)
-        await asyncio.sleep(5.0)
-        assert vehicle.world.mode == EXTERNAL + 1
-        assert not any(each.is_unresponsive for each in vehicle.world.commander.checks.registered.values())
-        with pytest.raises(RefusedError, match="says that it cannot run"):
-            await flight.set_mode(Forgets)
-
-    fly(px4_types, program)
-    assert caplog.text.count("`problems` of mode 'Forgets' has failed") == 1
-
-
-def test_conditions_can_be_a_generator(px4_types: Any) -> None:
+@flying()
+async def test_conditions_can_be_a_generator(flight: Flight, vehicle: Flown) -> None:
     class Yields(Short, name="Yields"):
         is_ready = False
 
@@ -192,75 +166,68 @@ def test_conditions_can_be_a_generator(px4_types: Any) -> None:
 
     mode = Yields()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        with pytest.raises(RefusedError, match="says that it cannot run"):
-            await flight.fly(mode)
-        mode.is_ready = True
-        await asyncio.sleep(0.7)
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    with pytest.raises(RefusedError, match="says that it cannot run"):
         await flight.fly(mode)
-
-    fly(px4_types, program)
+    mode.is_ready = True
+    await asyncio.sleep(0.7)
+    await flight.fly(mode)
 
 
 # setpoints and waits
 
 
 @pytest.mark.parametrize("within", [0.0, -1.0, math.nan])
-def test_a_place_that_cannot_be_reached_is_an_error_before_anything_is_sent(px4_types: Any, within: float) -> None:
+@flying()
+async def test_a_place_that_cannot_be_reached_is_an_error_before_anything_is_sent(
+    flight: Flight, vehicle: Flown, within: float
+) -> None:
     class Never(Mode, name="Never"):
         async def fly(self) -> None:
             await self.goto((3.0, 0.0, -10.0), within=within)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Never)
-        await vehicle.in_air(flight)
+    await flight.add(Never)
+    await vehicle.in_air(flight)
+    with pytest.raises(ValueError, match="expected `within` above 0 m"):
+        await asyncio.wait_for(flight.fly(Never), 20.0)
+    assert all(each.message.position[0] < 1.0 for each in vehicle.sent if each.topic == "goto_setpoint")
+    async with flight.offboard() as setpoint:
         with pytest.raises(ValueError, match="expected `within` above 0 m"):
-            await asyncio.wait_for(flight.fly(Never), 20.0)
-        assert all(each.message.position[0] < 1.0 for each in vehicle.sent if each.topic == "goto_setpoint")
-        async with flight.offboard() as setpoint:
-            with pytest.raises(ValueError, match="expected `within` above 0 m"):
-                await asyncio.wait_for(setpoint.goto((3.0, 0.0, -10.0), within=within), 20.0)
-            await asyncio.sleep(0.1)
-        assert all(each.message.position[0] < 1.0 for each in vehicle.sent if each.topic == "trajectory_setpoint")
-
-    fly(px4_types, program)
+            await asyncio.wait_for(setpoint.goto((3.0, 0.0, -10.0), within=within), 20.0)
+        await asyncio.sleep(0.1)
+    assert all(each.message.position[0] < 1.0 for each in vehicle.sent if each.topic == "trajectory_setpoint")
 
 
-def test_an_exception_of_a_condition_belongs_to_the_task_that_waits(px4_types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        status = flight.feeds["vehicle_status"]
-        waits = [
-            asyncio.ensure_future(each)
-            for each in (status.following(lambda each: each.is_typo), flight.wait_for_status(lambda _: 1 / 0 > 0, 5.0))
-        ]
-        await flight.arm()
-        await flight.disarm()
-        one, two = await asyncio.gather(*waits, return_exceptions=True)
-        assert isinstance(one, AttributeError)
-        assert isinstance(two, ZeroDivisionError)
-
-    fly(px4_types, program)
+@flying()
+async def test_an_exception_of_a_condition_belongs_to_the_task_that_waits(flight: Flight) -> None:
+    status = flight.feeds["vehicle_status"]
+    waits = [
+        asyncio.ensure_future(each)
+        for each in (status.following(lambda each: each.is_typo), flight.wait_for_status(lambda _: 1 / 0 > 0, 5.0))
+    ]
+    await flight.arm()
+    await flight.disarm()
+    one, two = await asyncio.gather(*waits, return_exceptions=True)
+    assert isinstance(one, AttributeError)
+    assert isinstance(two, ZeroDivisionError)
 
 
-def test_a_mode_that_does_not_fly_sends_nothing(px4_types: Any) -> None:
+@flying()
+async def test_a_mode_that_does_not_fly_sends_nothing(flight: Flight, vehicle: Flown) -> None:
     mode = Line()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(FlightError, match="mode 'Line' is not registered"):
-            await mode.goto((3.0, 0.0, -10.0))
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        for setpoint in (mode.goto((3.0, 0.0, -10.0)), mode.hold()):
-            with pytest.raises(NotReachedError, match="mode 'Line' does not fly"):
-                await asyncio.wait_for(setpoint, 20.0)
+    with pytest.raises(FlightError, match="mode 'Line' is not registered"):
+        await mode.goto((3.0, 0.0, -10.0))
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    for setpoint in (mode.goto((3.0, 0.0, -10.0)), mode.hold()):
         with pytest.raises(NotReachedError, match="mode 'Line' does not fly"):
-            mode.trajectory(velocity=(1.0, 0.0, 0.0))
-        await asyncio.sleep(0.5)
-        assert not {each.topic for each in vehicle.sent} & SETPOINTS
-
-    fly(px4_types, program)
+            await asyncio.wait_for(setpoint, 20.0)
+    with pytest.raises(NotReachedError, match="mode 'Line' does not fly"):
+        mode.trajectory(velocity=(1.0, 0.0, 0.0))
+    await asyncio.sleep(0.5)
+    assert not {each.topic for each in vehicle.sent} & SETPOINTS
 
 
 # flights
@@ -332,17 +299,15 @@ def test_an_object_belongs_to_one_flight(px4_types: Any) -> None:
     run(main(), one, two)
 
 
-def test_an_executor_stands_for_its_mode(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Runs)
-        await flight.set_mode(Runs)
-        await vehicle.until(lambda: vehicle.world.is_armed, 2.0)
-        with pytest.raises(FlightError, match="executor Other is not registered"):
-            await flight.set_mode(Other)
-        with pytest.raises(FlightError, match=r"'Line' belongs to executor Runs: `await flight\.fly\(Runs\)`"):
-            await flight.fly(Line)
-
-    fly(px4_types, program)
+@flying()
+async def test_an_executor_stands_for_its_mode(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Runs)
+    await flight.set_mode(Runs)
+    await vehicle.until(lambda: vehicle.world.is_armed, 2.0)
+    with pytest.raises(FlightError, match="executor Other is not registered"):
+        await flight.set_mode(Other)
+    with pytest.raises(FlightError, match=r"'Line' belongs to executor Runs: `await flight\.fly\(Runs\)`"):
+        await flight.fly(Line)
 
 
 @pytest.mark.parametrize("parameters", [{}, {"COM_MODE_ARM_CHK": 1.0}])
@@ -350,9 +315,7 @@ def test_registering_in_flight_is_refused_before_anything_is_sent(types: Any, pa
     """PX4 takes it with the parameter, but then the mode that flies can be left."""
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Line)
+        await vehicle.in_mode(flight, Line)
         await asyncio.sleep(1.0)
         with pytest.raises(RegistrationError, match="Short: the vehicle is armed: register before arming"):
             await flight.add(Short)
@@ -363,18 +326,16 @@ def test_registering_in_flight_is_refused_before_anything_is_sent(types: Any, pa
     fly(types, program, Options(parameters=parameters))
 
 
-def test_a_part_that_is_refused_leaves_none_of_the_others(types: Any) -> None:
+@flying_each()
+async def test_a_part_that_is_refused_leaves_none_of_the_others(flight: Flight, vehicle: Flown) -> None:
     """PX4 has five executors: the fifth one is registered, and the sixth one is refused."""
 
     def runs(number: int) -> Any:
         return with_values(Runs, mode=with_values(Line, name=f"Line {number}"))
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(*map(runs, range(4)))
-        with pytest.raises(RegistrationError, match="5 executors"):
-            await flight.add(runs(4), runs(5))
-        await asyncio.sleep(0.2)
-        assert names(vehicle) == {f"Line {number}" for number in range(4)}
-        await flight.add(runs(4))
-
-    fly(types, program)
+    await flight.add(*map(runs, range(4)))
+    with pytest.raises(RegistrationError, match="5 executors"):
+        await flight.add(runs(4), runs(5))
+    await asyncio.sleep(0.2)
+    assert names(vehicle) == {f"Line {number}" for number in range(4)}
+    await flight.add(runs(4))

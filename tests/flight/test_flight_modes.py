@@ -10,16 +10,14 @@ from typing import Any
 import pytest
 
 from msggen.flight.checks import LOCAL_POSITION, Requirement
-from msggen.flight.errors import NoAnswerError, RefusedError, RegistrationError, UnsupportedError
+from msggen.flight.errors import NoAnswerError, RefusedError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.places import Vector
 from msggen.generate.cache import package_of
 from msggen.sim import Options
 from msggen.sim.near import NearVehicle
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying
 
 HOLD, RETURN, LAND = 4, 5, 18
 
@@ -59,9 +57,7 @@ def test_a_mode_flies_its_places_and_is_completed(types: Any) -> None:
     mode = Square()
 
     async def program(flight: Flight, vehicle: Flown) -> list[tuple[str, int]]:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, mode)
         completed = await flight.feeds["mode_completed"].following(lambda each: each.nav_state == EXTERNAL)
         assert completed.result == 0
         place = vehicle.world.flight.position
@@ -82,9 +78,7 @@ def test_a_mode_that_is_left_is_cancelled_and_sends_nothing_more(types: Any) -> 
     mode = Square()
 
     async def program(flight: Flight, vehicle: Flown) -> float:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, mode)
         await asyncio.sleep(1.0)
         await flight.land()
         shown = next(each.time for each in vehicle.sent[::-1] if each.topic == "goto_setpoint")
@@ -95,38 +89,23 @@ def test_a_mode_that_is_left_is_cancelled_and_sends_nothing_more(types: Any) -> 
     assert mode.ends == ["cancelled"]
 
 
-def test_a_program_that_ends_is_unregistered(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> Flown:
-        await flight.add(Square, Waits)
-        assert {each.name for each in vehicle.world.commander.components.modes.values()} == {"Square", "Waits"}
-        flight.close()
-        await asyncio.sleep(0.2)
-        return vehicle
-
-    commander = fly(types, program).world.commander
-    assert not commander.components.modes
-    assert not commander.checks.registered
-
-
 # requirements and failures
 
 
-def test_a_mode_without_a_position_is_refused_with_the_reason(px4_types: Any) -> None:
+@flying()
+async def test_a_mode_without_a_position_is_refused_with_the_reason(flight: Flight, vehicle: Flown) -> None:
     class Careful(Mode):
         requires = LOCAL_POSITION
 
         async def fly(self) -> None:
             await self.hold(1000.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Careful)
-        await vehicle.in_air(flight)
-        vehicle.lose_position()
-        await asyncio.sleep(6.0)
-        with pytest.raises(RefusedError, match="mode 23: temporarily rejected: there is no local position"):
-            await flight.set_mode(EXTERNAL)
-
-    fly(px4_types, program)
+    await flight.add(Careful)
+    await vehicle.in_air(flight)
+    vehicle.lose_position()
+    await asyncio.sleep(6.0)
+    with pytest.raises(RefusedError, match="mode 23: temporarily rejected: there is no local position"):
+        await flight.set_mode(EXTERNAL)
 
 
 def test_an_exception_ends_the_mode_and_the_vehicle_returns(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
@@ -136,9 +115,7 @@ def test_an_exception_ends_the_mode_and_the_vehicle_returns(px4_types: Any, capl
             raise RuntimeError("no target")
 
     async def program(flight: Flight, vehicle: Flown) -> float:
-        await flight.add(Fails)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Fails)
         completed = await flight.feeds["mode_completed"].following(lambda each: each.nav_state == EXTERNAL)
         assert completed.result == 100
         taken = await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
@@ -157,9 +134,7 @@ def test_a_program_that_hangs_loses_the_vehicle_to_a_return(px4_types: Any) -> N
     """PX4 v1.16 and later take 1.0 to 1.3 s from the last answer on."""
 
     async def program(flight: Flight, vehicle: Flown) -> tuple[float, int]:
-        await flight.add(Waits)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Waits)
         await asyncio.sleep(1.0)
         before = vehicle.time
         sent = len(vehicle.sent)
@@ -172,70 +147,7 @@ def test_a_program_that_hangs_loses_the_vehicle_to_a_return(px4_types: Any) -> N
     assert sent == 0
 
 
-def test_a_condition_of_a_mode_keeps_it_from_being_selected(px4_types: Any) -> None:
-    from msggen.flight.checks import Problem, Severity
-    from msggen.messages.events import event_id
-
-    class Picky(Mode):
-        is_ready = False
-
-        def problems(self) -> list[Problem]:
-            return [] if self.is_ready else [Problem("my_mode_no_target", Severity.WARNING)]
-
-        async def fly(self) -> None:
-            await self.hold(1000.0)
-
-    mode = Picky()
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        with pytest.raises(RefusedError, match="says that it cannot run"):
-            await flight.set_mode(EXTERNAL)
-        reply = next(each.message for each in vehicle.sent[::-1] if each.topic == "arming_check_reply")
-        assert (reply.num_events, reply.events[0].id, reply.events[0].log_levels) == (
-            1,
-            event_id("my_mode_no_target"),
-            0x44,
-        )
-        mode.is_ready = True
-        await asyncio.sleep(0.5)
-        await flight.set_mode(EXTERNAL)
-
-    fly(px4_types, program)
-
-
 # registration
-
-
-def test_registration_is_refused_with_its_reason(px4_types: Any) -> None:
-    class Long(Mode, name="a name of more than 24 bytes"):
-        async def fly(self) -> None:
-            await self.hold(1000.0)
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(RegistrationError, match="has 28 bytes, expected 1 to 24"):
-            await flight.add(Long)
-        await flight.add(Square)
-        with pytest.raises(RegistrationError, match="'Square' is registered already"):
-            await flight.add(Square)
-        await vehicle.in_air(flight)
-        with pytest.raises(RegistrationError, match=r"the vehicle is armed: register before arming"):
-            await flight.add(Waits)
-
-    fly(px4_types, program)
-
-
-def test_more_modes_than_px4_has_slots_for_are_refused(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        for number in range(8):
-            await flight.add(type(f"Mode{number}", (Waits,), {}))
-        with pytest.raises(RegistrationError, match="PX4 has 8 modes, 8 arming checks and 5 executors"):
-            await flight.add(Square)
-        await asyncio.sleep(3.0)  # each answers its checks
-        assert not any(each.is_unresponsive for each in vehicle.world.commander.checks.registered.values())
-
-    fly(px4_types, program)
 
 
 def test_a_firmware_without_modes_is_told() -> None:
@@ -262,15 +174,13 @@ def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:
         run(main(vehicle), vehicle)
 
 
-def test_nothing_arms_by_itself(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Square, Waits)
-        await flight.set_mode(EXTERNAL)
-        await asyncio.sleep(20.0)
-        assert not vehicle.world.is_armed
-        assert not [each for each in vehicle.sent if getattr(each.message, "command", 0) == 400]
-
-    fly(px4_types, program)
+@flying()
+async def test_nothing_arms_by_itself(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Square, Waits)
+    await flight.set_mode(EXTERNAL)
+    await asyncio.sleep(20.0)
+    assert not vehicle.world.is_armed
+    assert not [each for each in vehicle.sent if getattr(each.message, "command", 0) == 400]
 
 
 def test_requirements_are_fields_of_the_reply(px4_types: Any) -> None:
@@ -281,9 +191,7 @@ def test_requirements_are_fields_of_the_reply(px4_types: Any) -> None:
 @pytest.mark.parametrize("parameters", [{}, {"COM_MODE_ARM_CHK": 1.0}])
 def test_a_mode_is_unregistered_in_flight_only_if_px4_lets_it(px4_types: Any, parameters: dict[str, float]) -> None:
     async def program(flight: Flight, vehicle: Flown) -> int:
-        await flight.add(Waits)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+        await vehicle.in_mode(flight, Waits)
         await asyncio.sleep(1.0)
         flight.close()
         await asyncio.sleep(2.0)

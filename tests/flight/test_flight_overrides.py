@@ -12,12 +12,10 @@ from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import Deferral, Keeps
+from msggen.flight.registration import Deferral, Keeps
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 HOLD, RETURN = 4, 5
 REQUEST = "config_overrides_request"
@@ -94,9 +92,7 @@ def test_a_mode_defers_failsafes_too(types: Any) -> None:
     seen: list[bool] = []
 
     async def program(flight: Flight, vehicle: Flown) -> float:
-        await flight.add(Careful)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Careful)
+        await vehicle.in_mode(flight, Careful)
         await vehicle.until(lambda: _in_air(vehicle), 3.0)
         vehicle.world.battery.remaining = 0.06
         return await vehicle.until(lambda: vehicle.world.commander.failsafe.is_active, 5.0)
@@ -220,28 +216,24 @@ def test_the_home_position_is_kept_in_v1_18_only(types: Any) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan, math.inf, 40_000.0])
-def test_a_time_without_limit_is_an_error(px4_types: Any, seconds: float) -> None:
+@flying()
+async def test_a_time_without_limit_is_an_error(flight: Flight, vehicle: Flown, seconds: float) -> None:
     executor = Stays()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(executor)
-        with pytest.raises(ValueError, match="expected a time of more than 0 s"):
-            async with executor.deferring_failsafes(seconds):
-                pass
-        assert not vehicle.times(REQUEST)
-
-    fly(px4_types, program)
+    await flight.add(executor)
+    with pytest.raises(ValueError, match="expected a time of more than 0 s"):
+        async with executor.deferring_failsafes(seconds):
+            pass
+    assert not vehicle.times(REQUEST)
 
 
-def test_an_executor_that_is_not_in_charge_defers_nothing(types: Any) -> None:
+@flying_each()
+async def test_an_executor_that_is_not_in_charge_defers_nothing(flight: Flight) -> None:
     executor = Stays()
 
-    async def program(flight: Flight, _: Flown) -> None:
-        with pytest.raises(FlightError, match="is not registered"):
-            executor.deferring_failsafes(5)
-        await flight.add(executor)
-        with pytest.raises(FlightError, match="does not defer failsafes"):
-            async with executor.deferring_failsafes(5):
-                pass
-
-    fly(types, program)
+    with pytest.raises(FlightError, match="is not registered"):
+        executor.deferring_failsafes(5)
+    await flight.add(executor)
+    with pytest.raises(FlightError, match="does not defer failsafes"):
+        async with executor.deferring_failsafes(5):
+            pass

@@ -13,10 +13,7 @@ from msggen.flight import GLOBAL_POSITION, FlightError, GlobalPlace, LimitError,
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
-from msggen.sim.loop import run
-from support.flown import Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import Flown, fly, flying, flying_each
 
 NORTH = 0.0002
 """A difference of latitude in degrees: 22.24 m."""
@@ -43,30 +40,27 @@ class Visits(Mode, name="Visits"):
         await self.goto(self.place, max_speed=4.0)
 
 
-def test_a_mode_flies_to_a_place_on_earth_in_each_frame(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Visits(away(vehicle))
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.fly(mode)
-        sent = [each.message for each in vehicle.sent if each.topic == GOTO]
-        assert sent[0].position == pytest.approx((FAR, 0.0, -10.0), abs=0.01)
-        assert vehicle.world.flight.position == pytest.approx((FAR, 0.0, -10.0), abs=0.6)
-
-    fly(types, program)
+@flying_each()
+async def test_a_mode_flies_to_a_place_on_earth_in_each_frame(flight: Flight, vehicle: Flown) -> None:
+    mode = Visits(away(vehicle))
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    await flight.fly(mode)
+    sent = [each.message for each in vehicle.sent if each.topic == GOTO]
+    assert sent[0].position == pytest.approx((FAR, 0.0, -10.0), abs=0.01)
+    assert vehicle.world.flight.position == pytest.approx((FAR, 0.0, -10.0), abs=0.6)
 
 
-def test_offboard_flies_to_a_place_on_earth(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard("enu") as setpoint:
-            await setpoint.goto(away(vehicle))
-        assert vehicle.world.flight.position == pytest.approx((FAR, 0.0, -10.0), abs=0.6)
-
-    fly(types, program)
+@flying_each()
+async def test_offboard_flies_to_a_place_on_earth(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    async with flight.offboard("enu") as setpoint:
+        await setpoint.goto(away(vehicle))
+    assert vehicle.world.flight.position == pytest.approx((FAR, 0.0, -10.0), abs=0.6)
 
 
-def test_a_place_on_earth_needs_a_global_position(types: Any) -> None:
+@flying_each()
+async def test_a_place_on_earth_needs_a_global_position(flight: Flight, vehicle: Flown) -> None:
     class Tries(Visits, name="Tries"):
         requires = Mode.requires
 
@@ -74,21 +68,18 @@ def test_a_place_on_earth_needs_a_global_position(types: Any) -> None:
             with pytest.raises(NoAnswerError, match="where on earth it is"):
                 await self.goto(self.place)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Tries(away(vehicle))
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        vehicle.lose_position()
-        await asyncio.sleep(0.1)
-        with pytest.raises(NoAnswerError, match="where on earth it is"):
-            await flight.find(mode).mode.goto(mode.place)
-        assert not [each for each in vehicle.sent if each.topic == GOTO]
-
-    fly(types, program)
+    mode = Tries(away(vehicle))
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    vehicle.lose_position()
+    await asyncio.sleep(0.1)
+    with pytest.raises(NoAnswerError, match="where on earth it is"):
+        await flight.find(mode).mode.goto(mode.place)
+    assert not [each for each in vehicle.sent if each.topic == GOTO]
 
 
-def test_limits_count_for_a_place_on_earth(px4_types: Any) -> None:
-    vehicle = Flown(px4_types)
+@flying(limits=Limits(distance=20.0))
+async def test_limits_count_for_a_place_on_earth(flight: Flight, vehicle: Flown) -> None:
     errors = []
 
     class Limited(Visits, name="Limited"):
@@ -98,23 +89,15 @@ def test_limits_count_for_a_place_on_earth(px4_types: Any) -> None:
             except LimitError as error:
                 errors.append(str(error))
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=Limits(distance=20.0)) as flight:
-            mode = Limited(away(vehicle))
-            await flight.add(mode)
-            await vehicle.in_air(flight)
-            await flight.fly(mode)
-            for up, limit in ((None, "22.2 m from home"), (10.0, "22.2 m from home")):
-                place = away(vehicle, up or 0.0)
-                with pytest.raises(LimitError, match=limit):
-                    await flight.goto(
-                        latitude=place.latitude,
-                        longitude=place.longitude,
-                        altitude=place.altitude if up else None,
-                    )
-
-    run(main(), vehicle)
+    mode = Limited(away(vehicle))
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    await flight.fly(mode)
+    for up in (None, 10.0):
+        place = away(vehicle, up or 0.0)
+        altitude = place.altitude if up else None
+        with pytest.raises(LimitError, match=r"22\.2 m from home"):
+            await flight.goto(latitude=place.latitude, longitude=place.longitude, altitude=altitude)
     assert errors == ["22.2 m from home: the limit is 20 m, and nothing was sent"]
 
 
@@ -124,23 +107,22 @@ def test_what_is_no_place_on_earth_is_an_error(place: tuple[float, float, float]
         GlobalPlace(*place)
 
 
-def test_goto_on_the_ground_is_an_error_before_anything_is_sent(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Visits((0.0, 5.0, 5.0))
-        await flight.add(mode)
-        with pytest.raises(FlightError, match="the vehicle is on the ground: take off first"):
-            await flight.goto(away(vehicle))
-        await flight.set_mode(mode)
-        await flight.arm()
-        with pytest.raises(NotReachedError, match="goto does not lift a vehicle off the ground: take off first"):
-            await flight.fly(mode)
-        assert not [each for each in vehicle.sent if each.topic == "vehicle_command" and each.message.command == 192]
-
-    fly(types, program)
+@flying_each()
+async def test_goto_on_the_ground_is_an_error_before_anything_is_sent(flight: Flight, vehicle: Flown) -> None:
+    mode = Visits((0.0, 5.0, 5.0))
+    await flight.add(mode)
+    with pytest.raises(FlightError, match="the vehicle is on the ground: take off first"):
+        await flight.goto(away(vehicle))
+    await flight.set_mode(mode)
+    await flight.arm()
+    with pytest.raises(NotReachedError, match="goto does not lift a vehicle off the ground: take off first"):
+        await flight.fly(mode)
+    assert not [each for each in vehicle.sent if each.topic == "vehicle_command" and each.message.command == 192]
 
 
 @pytest.mark.parametrize("has_lifted", [False, True])
-def test_a_trajectory_on_the_ground_is_an_error(*, has_lifted: bool, types: Any) -> None:
+@flying_each()
+async def test_a_trajectory_on_the_ground_is_an_error(flight: Flight, *, has_lifted: bool) -> None:
     """PX4 does not lift by it."""
 
     class Climbs(Mode, name="Climbs"):
@@ -154,31 +136,26 @@ def test_a_trajectory_on_the_ground_is_an_error(*, has_lifted: bool, types: Any)
                 self.trajectory(velocity=(0.0, 0.0, -1.0))
                 await asyncio.sleep(0.5)
 
-    async def program(flight: Flight, _: Flown) -> None:
-        await flight.add(Climbs)
-        await flight.set_mode(Climbs)
-        await flight.arm()
-        if has_lifted:
-            await flight.fly(Climbs)
-            return
-        with pytest.raises(NotReachedError, match="mode 'Climbs' is on the ground, and trajectory does not lift"):
-            await flight.fly(Climbs)
-
-    fly(types, program)
+    await flight.add(Climbs)
+    await flight.set_mode(Climbs)
+    await flight.arm()
+    if has_lifted:
+        await flight.fly(Climbs)
+        return
+    with pytest.raises(NotReachedError, match="mode 'Climbs' is on the ground, and trajectory does not lift"):
+        await flight.fly(Climbs)
 
 
-def test_a_place_below_home_is_refused(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Visits((5.0, 0.0, -5.0))
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        with pytest.raises(LimitError, match=r"^5\.0 m below home, and nothing was sent: z points down in NED"):
-            await flight.fly(mode)
-        mode.place = GlobalPlace(vehicle.world.home.latitude, vehicle.world.home.longitude, 8.0)
-        with pytest.raises(LimitError, match=r"^480\.0 m below home"):
-            await flight.fly(mode)
-
-    fly(px4_types, program)
+@flying()
+async def test_a_place_below_home_is_refused(flight: Flight, vehicle: Flown) -> None:
+    mode = Visits((5.0, 0.0, -5.0))
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    with pytest.raises(LimitError, match=r"^5\.0 m below home, and nothing was sent: z points down in NED"):
+        await flight.fly(mode)
+    mode.place = GlobalPlace(vehicle.world.home.latitude, vehicle.world.home.longitude, 8.0)
+    with pytest.raises(LimitError, match=r"^480\.0 m below home"):
+        await flight.fly(mode)
 
 
 def test_a_link_that_is_lost_is_not_told_as_a_lost_position(px4_types: Any) -> None:
@@ -195,9 +172,7 @@ def test_a_link_that_is_lost_is_not_told_as_a_lost_position(px4_types: Any) -> N
                     return
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Asks)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Asks)
+        await vehicle.in_mode(flight, Asks)
         await asyncio.sleep(1.0)
         vehicle.loss = 1.0
         await vehicle.until(lambda: bool(errors), 5.0)
@@ -207,27 +182,23 @@ def test_a_link_that_is_lost_is_not_told_as_a_lost_position(px4_types: Any) -> N
     assert re.fullmatch(r"no vehicle_local_position for 1\.\d s: is the link lost\?", errors[0])
 
 
-def test_offboard_tells_where_the_vehicle_is(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard("enu") as setpoint:
-            await setpoint.goto((3.0, 2.0, 9.0))
-            assert await setpoint.position() == pytest.approx((3.0, 2.0, 9.0), abs=0.6)
-        vehicle.lose_position()
-        await asyncio.sleep(0.2)
-        with pytest.raises(NoAnswerError, match="needs GPS"):
-            await setpoint.position()
-
-    fly(px4_types, program)
+@flying()
+async def test_offboard_tells_where_the_vehicle_is(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    async with flight.offboard("enu") as setpoint:
+        await setpoint.goto((3.0, 2.0, 9.0))
+        assert await setpoint.position() == pytest.approx((3.0, 2.0, 9.0), abs=0.6)
+    vehicle.lose_position()
+    await asyncio.sleep(0.2)
+    with pytest.raises(NoAnswerError, match="needs GPS"):
+        await setpoint.position()
 
 
 @pytest.mark.parametrize("place", [(1.0, 2.0), (1.0, 2.0, 3.0, 4.0)])
-def test_a_place_has_three_numbers(place: tuple[float, ...], px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Visits(place)
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        with pytest.raises(ValueError, match="expected three numbers, got"):
-            await flight.fly(mode)
-
-    fly(px4_types, program)
+@flying()
+async def test_a_place_has_three_numbers(flight: Flight, vehicle: Flown, place: tuple[float, ...]) -> None:
+    mode = Visits(place)
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    with pytest.raises(ValueError, match="expected three numbers, got"):
+        await flight.fly(mode)

@@ -261,23 +261,6 @@ def test_package(sim_vehicle):
     run(tests).assert_outcomes(passed=5)
 
 
-def test_a_vehicle_without_gps_takes_measurements(run: Run) -> None:
-    tests = """
-import asyncio
-
-@pytest.mark.sim_vehicle(parameters={"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0})
-def test_it(sim_vehicle):
-    async def program(flight):
-        for _ in range(20):
-            flight.measure.local(position=(0.0, 0.0, 0.0), variance=0.01)
-            await asyncio.sleep(0.05)
-        assert [each.is_fused for each in flight.measure.state] == [True, True]
-
-    sim_vehicle.run(program)
-"""
-    run(tests).assert_outcomes(passed=1)
-
-
 def test_a_vehicle_is_of_the_kind_that_is_asked_for(run: Run, pytester: pytest.Pytester) -> None:
     tests = """
 @pytest.mark.sim_vehicle(vehicle="plane", parameters={"FW_AIRSPD_TRIM": 13})
@@ -340,26 +323,3 @@ def test_other():
     assert random.random() not in found
 """
     run(tests).assert_outcomes(passed=3)
-
-
-def test_a_flight_has_the_same_recording_each_time(run: Run, pytester: pytest.Pytester) -> None:
-    tests = """
-class Up(Mode):
-    async def fly(self):
-        await self.hold(1)
-
-async def program(flight):
-    await flight.add(Up)
-    await up(flight)
-    await flight.set_mode(Up)
-    await asyncio.sleep(3)
-
-def test_it(sim_vehicle):
-    sim_vehicle.faults.lose_messages(0.2, "vehicle_local_position", "goto_setpoint")
-    sim_vehicle.run(program)
-"""
-    found = []
-    for folder in ("one", "two"):
-        run(tests, "--flight-recordings", folder).assert_outcomes(passed=1)
-        found.append((pytester.path / folder / "test_it-test_it.ulg").read_bytes())
-    assert found[0] == found[1]

@@ -18,8 +18,7 @@ from msggen.flight.setpoints import Ranges
 from msggen.messages.ranges import DEFAULTS, RANGES
 from msggen.messages.setpoints import BY_NUMBER, FIXED_WING, ROVER, ROVER_THROTTLE
 from msggen.sim import Options
-from msggen.sim.loop import run
-from support.flown import Flown
+from support.flown import Flown, fly
 
 ROWS = [(topic, field, found) for topic, fields in RANGES.items() for field, found in fields.items()]
 NAMES = [f"{topic}.{field}" for topic, field, _ in ROWS]
@@ -137,17 +136,15 @@ class Drives(Mode):
 
 def drive(package: Any, parameters: dict[str, float]) -> tuple[list[str], Flown]:
     """Return the errors of a drive with parameters, and its vehicle."""
-    vehicle, mode = Flown(package, Options(vehicle="rover")), Drives()
+    mode = Drives()
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, parameters=parameters) as flight:
-            await flight.add(mode)
-            await flight.arm()
-            await flight.fly(mode)
+    async def program(flight: Flight, vehicle: Flown) -> Flown:
+        await flight.add(mode)
+        await flight.arm()
+        await flight.fly(mode)
+        return vehicle
 
-    run(main(), vehicle)
-    return mode.errors, vehicle
+    return mode.errors, fly(package, program, Options(vehicle="rover"), parameters=parameters)
 
 
 def test_modes_ask_before_anything_is_sent(px4_types: Any) -> None:
@@ -174,36 +171,28 @@ def test_a_plane_is_not_sent_to_a_place_at_a_wrong_airspeed(px4_types: Any, capl
             for airspeed in (200.0, 6.0):
                 await asyncio.wait_for(self.goto((500.0, 0.0, -30.0), airspeed=airspeed), 0.3)
 
-    vehicle = Flown(px4_types, Options(vehicle="plane"))
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Goes)
+        await flight.arm()
+        await flight.takeoff(30.0)
+        with pytest.raises(ValueError, match="expected an airspeed from 7 to 100 m/s, got 200"):
+            await flight.fly(Goes)
+        sent = [each.message for each in vehicle.sent if each.topic == FIXED_WING.topics[1]]
+        assert not {200.0, 6.0} & {each.equivalent_airspeed for each in sent}
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, parameters={"FW_AIRSPD_MIN": 7.0}) as flight:
-            await flight.add(Goes)
-            await flight.arm()
-            await flight.takeoff(30.0)
-            with pytest.raises(ValueError, match="expected an airspeed from 7 to 100 m/s, got 200"):
-                await flight.fly(Goes)
-            assert not {200.0, 6.0} & {
-                each.message.equivalent_airspeed for each in vehicle.sent if each.topic == FIXED_WING.topics[1]
-            }
-
-    run(main(), vehicle)
+    fly(px4_types, program, Options(vehicle="plane"), parameters={"FW_AIRSPD_MIN": 7.0})
     assert not [each for each in caplog.records if "usually" in each.getMessage()]
 
 
 def test_a_mission_that_the_vehicle_cannot_fly_is_not_ready(px4_types: Any) -> None:
-    vehicle = Flown(px4_types, Options(vehicle="plane"))
-
-    async def main() -> tuple[str, ...]:
-        await asyncio.sleep(1.0)
+    async def program(flight: Flight, vehicle: Flown) -> tuple[str, ...]:
         home = vehicle.world.home
         fast = ActionItem("changeSettings", {"horizontalVelocity": 21.0})
         away = Waypoint(GlobalPlace(home.latitude + 0.001, home.longitude, home.altitude + 50.0))
         mission = Mission(Plan((fast, ActionItem("takeoff", {}), away), Settings(horizontal_velocity=20.0)))
-        async with Flight(vehicle, parameters={"FW_AIRSPD_MIN": 7.0, "FW_AIRSPD_MAX": 20.0}) as flight:
-            await flight.add(mission)
-            return mission.unready
+        await flight.add(mission)
+        return mission.unready
 
-    (told,) = run(main(), vehicle)
+    parameters = {"FW_AIRSPD_MIN": 7.0, "FW_AIRSPD_MAX": 20.0}
+    (told,) = fly(px4_types, program, Options(vehicle="plane"), parameters=parameters)
     assert told == "horizontalVelocity: expected an airspeed from 7 to 20 m/s, got 21, and nothing was sent"

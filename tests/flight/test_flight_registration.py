@@ -1,4 +1,4 @@
-"""What registrations are refused for, and what they leave: nothing."""
+"""What registrations are refused for, what they leave: nothing, and what must be heard before."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from typing import Any
 import pytest
 
 from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedError
-from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.setpoints import GOTO
-from support.flown import Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from msggen.sim.loop import run
+from support.flown import Flown, Short, flying, flying_each
 
 RETURN = 5
 
@@ -24,65 +22,27 @@ class GoesAway(Mode, name="Goes away"):
         await self.hold(1000.0)
 
 
-def test_a_mode_of_another_version_of_the_interface_is_unregistered(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        commander = vehicle.world.commander
-        commander.rules = commander.rules._replace(api_version=7)
-        with pytest.raises(RegistrationError, match=r"the vehicle has version 7 .* build them from the firmware"):
-            await flight.add(GoesAway)
-        await asyncio.sleep(0.1)
-        assert not commander.components.modes
-
-    fly(types, program)
+@flying_each()
+async def test_a_mode_of_another_version_of_the_interface_is_unregistered(flight: Flight, vehicle: Flown) -> None:
+    commander = vehicle.world.commander
+    commander.rules = commander.rules._replace(api_version=7)
+    with pytest.raises(RegistrationError, match=r"the vehicle has version 7 .* build them from the firmware"):
+        await flight.add(GoesAway)
+    await asyncio.sleep(0.1)
+    assert not commander.components.modes
 
 
-def test_a_mode_that_is_replaced_already_is_refused(types: Any) -> None:
+@flying_each()
+async def test_a_mode_that_is_replaced_already_is_refused(flight: Flight) -> None:
     class One(GoesAway, name="One"):
         replaces = RETURN
 
     class Two(GoesAway, name="Two"):
         replaces = RETURN
 
-    class Owner(Executor):
-        mode = One
-
-        async def run(self) -> None:
-            await self.fly()
-
-    class Nobody(Executor):
-        pass
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(RegistrationError, match="cannot have an executor"):
-            await flight.add(Owner)
-        with pytest.raises(RegistrationError, match="executor Nobody has no mode"):
-            await flight.add(Nobody)
-        assert not vehicle.times("register_ext_component_request")
-        await flight.add(One)
-        with pytest.raises(RegistrationError, match="another mode already replaces mode 5"):
-            await flight.add(Two)
-
-    fly(types, program)
-
-
-def test_a_sixth_executor_is_refused_and_leaves_nothing(types: Any) -> None:
-    def executor(number: int) -> type[Executor]:
-        class Flies(Executor):
-            mode = type(f"Mode{number}", (Mode,), {})
-
-            async def run(self) -> None:
-                await self.wait_disarmed()
-
-        return Flies
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        for number in range(5):
-            await flight.add(executor(number))
-        with pytest.raises(RegistrationError, match="no slot is free"):
-            await flight.add(executor(5))
-        assert len(vehicle.world.commander.components.modes) == 5
-
-    fly(types, program)
+    await flight.add(One)
+    with pytest.raises(RegistrationError, match="another mode already replaces mode 5"):
+        await flight.add(Two)
 
 
 @pytest.mark.parametrize(
@@ -97,42 +57,41 @@ def test_a_sixth_executor_is_refused_and_leaves_nothing(types: Any) -> None:
         ("a\nb", "not printable"),
     ],
 )
-def test_names_are_whole_or_refused(px4_types: Any, name: str, text: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = type("Mode", (GoesAway,), {}, name=name)
-        if text:
-            with pytest.raises(RegistrationError, match=text):
-                await flight.add(mode)
-            assert not vehicle.times("register_ext_component_request")
-            return
-        await flight.add(mode)
-        assert [each.name for each in vehicle.world.commander.components.modes.values()] == [name]
-        flight.close()
-        await asyncio.sleep(0.1)
-        assert not vehicle.world.commander.components.modes
-
-    fly(px4_types, program)
+@flying()
+async def test_names_are_whole_or_refused(flight: Flight, vehicle: Flown, name: str, text: str) -> None:
+    mode = type("Mode", (GoesAway,), {}, name=name)
+    if text:
+        with pytest.raises(RegistrationError, match=text):
+            await flight.add(mode)
+        assert not vehicle.times("register_ext_component_request")
+        return
+    await flight.add(mode)
+    assert [each.name for each in vehicle.world.commander.components.modes.values()] == [name]
+    flight.close()
+    await asyncio.sleep(0.1)
+    assert not vehicle.world.commander.components.modes
 
 
-def test_a_mode_whose_setpoints_the_vehicle_does_not_take_is_unregistered(px4_types: Any) -> None:
+@flying()
+async def test_a_mode_whose_setpoints_the_vehicle_does_not_take_is_unregistered(flight: Flight, vehicle: Flown) -> None:
     class Odd(Mode):
         setpoints = (GOTO, GOTO._replace(name="rover", number=7))
 
         async def fly(self) -> None:
             await self.hold(1000.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(UnsupportedError, match="does not support rover setpoints"):
-            await flight.add(Odd)
-        await asyncio.sleep(0.1)
-        assert not vehicle.world.commander.components.modes
-        await flight.add(GoesAway)
-
-    fly(px4_types, program)
+    with pytest.raises(UnsupportedError, match="does not support rover setpoints"):
+        await flight.add(Odd)
+    await asyncio.sleep(0.1)
+    assert not vehicle.world.commander.components.modes
+    await flight.add(GoesAway)
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_a_restart_while_modes_are_registered_leaves_none_of_them(px4_types: Any, count: int) -> None:
+@flying()
+async def test_a_restart_while_modes_are_registered_leaves_none_of_them(
+    flight: Flight, vehicle: Flown, count: int
+) -> None:
     """The vehicle restarts in the check of the first or the second one. An earlier mode is registered again."""
 
     class First(GoesAway, name="First"):
@@ -141,36 +100,50 @@ def test_a_restart_while_modes_are_registered_leaves_none_of_them(px4_types: Any
     class Second(GoesAway, name="Second"):
         pass
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        modes = vehicle.world.commander.components.modes
-        await flight.set_mode("land")  # a mode that was entered earlier shows the restart at once
-        await flight.add(GoesAway)
-        await asyncio.sleep(1.0)
-        adding = asyncio.ensure_future(flight.add(First, Second))
-        await vehicle.until(lambda: len(modes) == 1 + count, 1.0)
-        vehicle.lost = {"setpoint_config"}
-        await vehicle.restart_after(1.2)  # the check takes 1.5 s
-        with pytest.raises(NoAnswerError, match="has not answered whether it supports"):
-            await adding
-        vehicle.lost.clear()
-        await asyncio.sleep(3.0)
-        assert [each.name for each in vehicle.world.commander.components.modes.values()] == ["Goes away"]
-        await flight.add(First, Second)
-
-    fly(px4_types, program)
+    modes = vehicle.world.commander.components.modes
+    await flight.set_mode("land")  # a mode that was entered earlier shows the restart at once
+    await flight.add(GoesAway)
+    await asyncio.sleep(1.0)
+    adding = asyncio.ensure_future(flight.add(First, Second))
+    await vehicle.until(lambda: len(modes) == 1 + count, 1.0)
+    vehicle.lost = {"setpoint_config"}
+    await vehicle.restart_after(1.2)  # the check takes 1.5 s
+    with pytest.raises(NoAnswerError, match="has not answered whether it supports"):
+        await adding
+    vehicle.lost.clear()
+    await asyncio.sleep(3.0)
+    assert [each.name for each in vehicle.world.commander.components.modes.values()] == ["Goes away"]
+    await flight.add(First, Second)
 
 
-def test_a_flight_can_end_while_modes_are_registered_again(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(GoesAway)
-        await vehicle.restart_after(2.0)
-        vehicle.lost = {"setpoint_config"}
-        await vehicle.until(lambda: bool(vehicle.world.commander.components.modes), 5.0)
-        renewal = next(each for each in asyncio.all_tasks() if each.get_name() == "msggen flight renewal")
-        flight.close()
-        await asyncio.wait([renewal])
-        assert renewal.cancelled()
-        await asyncio.sleep(0.2)
-        assert not vehicle.world.commander.components.modes
+def test_answers_are_subscribed_to_before_anything_is_asked(px4_types: Any) -> None:
+    """On a link, the answer to what is asked before is lost. PX4 takes a second request for a second mode."""
+    answers = {
+        "register_ext_component_request": "register_ext_component_reply",
+        "setpoint_config": "setpoint_config_reply",
+        "vehicle_command": "vehicle_command_ack",
+    }
+    early: list[str] = []
 
-    fly(px4_types, program)
+    class Asked(Flown):
+        subscribed: frozenset[str] = frozenset()
+
+        def subscribe(self, topic: str, take: Any) -> Any:
+            self.subscribed |= {topic}
+            return super().subscribe(topic, take)
+
+        def publish(self, topic: str, message: Any) -> None:
+            if answers.get(topic, topic) not in self.subscribed | {topic}:
+                early.append(topic)
+            super().publish(topic, message)
+
+    vehicle = Asked(px4_types)
+
+    async def program() -> None:
+        async with Flight(vehicle) as flight:
+            await flight.add(Short)
+            await flight.arm()
+
+    run(program(), vehicle)
+    assert vehicle.times("register_ext_component_request")
+    assert early == []

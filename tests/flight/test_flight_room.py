@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 
 from msggen.flight.errors import LimitError, NoAnswerError
 from msggen.flight.flight import Flight
-from msggen.flight.limits import Limits
+from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.mode import Mode
 from msggen.flight.places import Vector
 from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run
 from support.examples import by_day, examples
-from support.flown import Flown
+from support.flown import Flown, fly, flying
 
 LATERAL, LONGITUDINAL, *_ = FIXED_WING.topics
 LIMIT = 250.0
@@ -164,20 +164,14 @@ def test_a_vtol_changes_only_where_it_has_room(px4_types: Any) -> None:
     assert flown(px4_types, go, kind="vtol", mode=Changes) < LIMIT
 
 
-def test_the_flight_itself_refuses_a_change_without_room(px4_types: Any) -> None:
-    vehicle = Flown(px4_types, Options(vehicle="vtol"))
-
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=Limits(distance=120.0)) as flight:
-            await flight.arm()
-            await flight.takeoff(20.0)
-            commands = len(vehicle.times("vehicle_command"))
-            with pytest.raises(LimitError, match="no room to change"):
-                await flight.to_fixed_wing()
-            assert len(vehicle.times("vehicle_command")) == commands
-
-    run(main(), vehicle)
+@flying(Options(vehicle="vtol"), limits=Limits(distance=120.0))
+async def test_the_flight_itself_refuses_a_change_without_room(flight: Flight, vehicle: Flown) -> None:
+    await flight.arm()
+    await flight.takeoff(20.0)
+    commands = len(vehicle.times("vehicle_command"))
+    with pytest.raises(LimitError, match="no room to change"):
+        await flight.to_fixed_wing()
+    assert len(vehicle.times("vehicle_command")) == commands
 
 
 class Blind(Flown):
@@ -198,85 +192,73 @@ class Blind(Flown):
         super()._send(topic, message)
 
 
+class Blinded(Mode):
+    """A mode of such a plane."""
+
+    setpoints = (FIXED_WING,)
+    limits = Limits(distance=250.0)
+
+    def __init__(self, vehicle: Blind) -> None:
+        self.vehicle = vehicle
+
+
+def flown_blind(package: Any, mode: type[Blinded], limits: Limits = NO_LIMITS, *, is_blind: bool = False) -> None:
+    """Let a mode fly a plane that loses something."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        assert isinstance(vehicle, Blind)
+        made = mode(vehicle)
+        await flight.add(made)
+        await flight.arm()
+        await flight.takeoff(30.0)
+        vehicle.is_blind = is_blind
+        await asyncio.sleep(0.5)
+        await flight.fly(made)
+
+    fly(package, program, Options(vehicle="plane"), made=Blind, limits=limits)
+
+
 @pytest.mark.parametrize("limits", [Limits(), Limits(height=50.0)], ids=["open", "limited"])
 def test_an_altitude_that_the_vehicle_cannot_know_is_refused(px4_types: Any, limits: Limits) -> None:
     """PX4 would take it as a height above the origin of the local frame."""
 
-    class Climbs(Mode):
-        setpoints = (FIXED_WING,)
+    class Climbs(Blinded):
+        limits = NO_LIMITS
 
         async def fly(self) -> None:
-            before = len(vehicle.times(LONGITUDINAL))
+            before = len(self.vehicle.times(LONGITUDINAL))
             with pytest.raises(NoAnswerError, match="does not know its altitude above sea level"):
-                self.fixed_wing(course=0.0, altitude=vehicle.world.home.altitude + 40.0)
-            assert len(vehicle.times(LONGITUDINAL)) == before
+                self.fixed_wing(course=0.0, altitude=self.vehicle.world.home.altitude + 40.0)
+            assert len(self.vehicle.times(LONGITUDINAL)) == before
             self.fixed_wing(course=0.0, height_rate=3.0)
             await asyncio.sleep(9.0)
             assert ((await self.position()).z < -51.0) == limits.is_open
 
-    vehicle = Blind(px4_types, Options(vehicle="plane"))
-
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=limits) as flight:
-            await flight.add(Climbs)
-            await flight.arm()
-            await flight.takeoff(30.0)
-            vehicle.is_blind = True
-            await asyncio.sleep(0.5)
-            await flight.fly(Climbs)
-
-    run(main(), vehicle)
+    flown_blind(px4_types, Climbs, limits, is_blind=True)
 
 
 def test_wings_without_a_home_position_are_refused(px4_types: Any) -> None:
-    class Away(Mode):
-        setpoints = (FIXED_WING,)
-        limits = Limits(distance=250.0)
-
+    class Away(Blinded):
         async def fly(self) -> None:
-            vehicle.lose_home()
+            self.vehicle.lose_home()
             await asyncio.sleep(0.1)
             with pytest.raises(NoAnswerError, match="no home position"):
                 self.fixed_wing(course=0.0)
 
-    vehicle = Blind(px4_types, Options(vehicle="plane"))
-
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle) as flight:
-            await flight.add(Away)
-            await flight.arm()
-            await flight.takeoff(30.0)
-            await flight.fly(Away)
-
-    run(main(), vehicle)
+    flown_blind(px4_types, Away)
 
 
 def test_a_plane_that_loses_its_home_position_circles_and_does_not_climb(px4_types: Any) -> None:
     """A limit that cannot be measured fails closed."""
 
-    class Away(Mode):
-        setpoints = (FIXED_WING,)
-        limits = Limits(distance=250.0)
-
+    class Away(Blinded):
         async def fly(self) -> None:
             self.fixed_wing(course=0.0, height_rate=2.0)
-            vehicle.lose_home()
+            self.vehicle.lose_home()
             begin = await self.position()
             await asyncio.sleep(20.0)
             here = await self.position()
             assert math.dist(begin[:2], here[:2]) < 200.0
             assert here.z > begin.z - 5.0
 
-    vehicle = Blind(px4_types, Options(vehicle="plane"))
-
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle) as flight:
-            await flight.add(Away)
-            await flight.arm()
-            await flight.takeoff(30.0)
-            await flight.fly(Away)
-
-    run(main(), vehicle)
+    flown_blind(px4_types, Away)

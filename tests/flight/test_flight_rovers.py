@@ -16,9 +16,7 @@ from msggen.flight.mode import Mode
 from msggen.messages.nav_states import HOLD
 from msggen.messages.setpoints import ROVER, ROVER_POSITION, ROVER_THROTTLE, Kind
 from msggen.sim import Options
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying
 
 WHEELS = Options(vehicle="rover")
 SPEED, THROTTLE = ROVER[1].topics[0], ROVER_THROTTLE[0].topics[0]
@@ -102,14 +100,14 @@ def test_the_keywords_tell_the_kind(px4_types: Any, way: dict[str, float], numbe
         ({"throttle": math.nan, "heading": 0.0}, "expected finite numbers"),
     ],
 )
-def test_wrong_values_are_errors_before_anything_is_sent(px4_types: Any, way: dict[str, float], text: str) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(ValueError, match=re.escape(text)):
-            await drive(flight, Drives(way))
-        assert not vehicle.times(THROTTLE)
-        assert all(each.message.speed_body_x == 0.0 for each in vehicle.sent if each.topic == SPEED)
-
-    fly(px4_types, program, WHEELS)
+@flying(WHEELS)
+async def test_wrong_values_are_errors_before_anything_is_sent(
+    flight: Flight, vehicle: Flown, way: dict[str, float], text: str
+) -> None:
+    with pytest.raises(ValueError, match=re.escape(text)):
+        await drive(flight, Drives(way))
+    assert not vehicle.times(THROTTLE)
+    assert all(each.message.speed_body_x == 0.0 for each in vehicle.sent if each.topic == SPEED)
 
 
 @pytest.mark.parametrize("turn", [{"heading_deg": 90.0}, {"turn_rate": 0.0}, {"steering": 0.0}], ids=str)
@@ -159,7 +157,8 @@ def test_goto_drives_it_to_a_place_where_it_stands(types: Any, kind: str) -> Non
 
 
 @pytest.mark.parametrize("kinds", [ROVER, (ROVER_POSITION,), ROVER[3:], ROVER_THROTTLE, (ROVER[1],)], ids=len)
-def test_it_stops_by_what_the_mode_declares(px4_types: Any, kinds: tuple[Kind, ...]) -> None:
+@flying(WHEELS)
+async def test_it_stops_by_what_the_mode_declares(flight: Flight, vehicle: Flown, kinds: tuple[Kind, ...]) -> None:
     class Stops(Mode):
         setpoints = (*kinds, ROVER_THROTTLE[2])
 
@@ -168,33 +167,28 @@ def test_it_stops_by_what_the_mode_declares(px4_types: Any, kinds: tuple[Kind, .
             await asyncio.sleep(3.0)
             await self.hold(10.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await drive(flight, Stops())
-        assert math.hypot(*vehicle.world.flight.velocity) < 0.3
-
-    fly(px4_types, program, WHEELS)
+    await drive(flight, Stops())
+    assert math.hypot(*vehicle.world.flight.velocity) < 0.3
 
 
-def test_it_stops_before_it_lands(px4_types: Any) -> None:
+@flying(WHEELS)
+async def test_it_stops_before_it_lands(flight: Flight, vehicle: Flown) -> None:
     """PX4 counts a rover in Land as landed while it drives on."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Drives({"speed": 3.0, "heading": 0.0}, seconds=1000.0))
-        await flight.arm()
-        await flight.set_mode(EXTERNAL)
-        await asyncio.sleep(3.0)
-        assert math.hypot(*vehicle.world.flight.velocity) > 2.5
-        modes: list[int] = []
-        flight.feeds["vehicle_status"].call(lambda each: modes.append(each.nav_state))
-        await flight.land()
-        assert math.hypot(*vehicle.world.flight.velocity) < 0.1
-        assert HOLD in modes
-        await flight.wait_disarmed()
-
-    fly(px4_types, program, WHEELS)
+    await flight.add(Drives({"speed": 3.0, "heading": 0.0}, seconds=1000.0))
+    await flight.arm()
+    await flight.set_mode(EXTERNAL)
+    await asyncio.sleep(3.0)
+    assert math.hypot(*vehicle.world.flight.velocity) > 2.5
+    modes: list[int] = []
+    flight.feeds["vehicle_status"].call(lambda each: modes.append(each.nav_state))
+    await flight.land()
+    assert math.hypot(*vehicle.world.flight.velocity) < 0.1
+    assert HOLD in modes
+    await flight.wait_disarmed()
 
 
-def test_limits_stop_it(px4_types: Any) -> None:
+@flying(WHEELS)
+async def test_limits_stop_it(flight: Flight) -> None:
     class Away(Mode):
         setpoints = ROVER
         limits = Limits(distance=15.0, height=1.0)
@@ -212,22 +206,17 @@ def test_limits_stop_it(px4_types: Any) -> None:
     class Throttled(Drives):
         limits = Limits(distance=15.0)
 
-    async def program(flight: Flight, _: Flown) -> None:
-        with pytest.raises(UnsupportedError, match="limits cannot be enforced for rover throttle and attitude"):
-            await flight.add(Throttled())
-        await drive(flight, Away())
-
-    fly(px4_types, program, WHEELS)
+    with pytest.raises(UnsupportedError, match="limits cannot be enforced for rover throttle and attitude"):
+        await flight.add(Throttled())
+    await drive(flight, Away())
 
 
 @pytest.mark.parametrize("up", [99.0, -488.0, 2e4])
-def test_the_flight_itself_drives_to_a_place_at_any_altitude(px4_types: Any, up: float) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        home = vehicle.world.home
-        await flight.arm()
-        await flight.goto(latitude=home.latitude + 1e-4, longitude=home.longitude, altitude=home.altitude + up)
-        x, y, _ = vehicle.world.flight.position
-        assert math.dist((x, y), (11.1, 0.0)) < 1.1
-        await flight.land()
-
-    fly(px4_types, program, WHEELS)
+@flying(WHEELS)
+async def test_the_flight_itself_drives_to_a_place_at_any_altitude(flight: Flight, vehicle: Flown, up: float) -> None:
+    home = vehicle.world.home
+    await flight.arm()
+    await flight.goto(latitude=home.latitude + 1e-4, longitude=home.longitude, altitude=home.altitude + up)
+    x, y, _ = vehicle.world.flight.position
+    assert math.dist((x, y), (11.1, 0.0)) < 1.1
+    await flight.land()

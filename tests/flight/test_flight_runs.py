@@ -14,9 +14,7 @@ from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode
 from msggen.flight.running_mode import ActiveMode
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, Line, Short, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, Line, Short, fly, flying, flying_each
 
 HOLD, LAND = 4, 18
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
@@ -49,28 +47,25 @@ def setpoints(vehicle: Flown, since: float) -> list[Any]:
 
 
 @by_day("delay", [0.0, 0.002, 0.01, 0.05, 0.2], 2)
-def test_a_flight_that_is_cancelled_early_does_not_begin(types: Any, delay: float) -> None:
+@flying_each()
+async def test_a_flight_that_is_cancelled_early_does_not_begin(flight: Flight, vehicle: Flown, delay: float) -> None:
     """The command is under way: the vehicle can still enter the mode, and then holds its place."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line)
-        await vehicle.in_air(flight)
-        flying = asyncio.ensure_future(flight.fly(Line))
-        await asyncio.sleep(delay)
-        flying.cancel()
-        await asyncio.wait([flying])
-        assert flying.cancelled()
-        await asyncio.sleep(4.0)
-        assert math.dist(vehicle.world.flight.position, (0.0, 0.0, -10.0)) < 1.0
-        assert all(each.message.position[0] < 1.0 for each in setpoints(vehicle, vehicle.time / 1e6 - 2.0))
-        assert vehicle.world.mode in {HOLD, EXTERNAL}
-        await flight.hold()
-        await asyncio.sleep(1.0)
-        await flight.set_mode(Line)  # a user has asked for it
-        await asyncio.sleep(3.0)
-        assert vehicle.world.flight.position[0] > 1.0
-
-    fly(types, program)
+    await flight.add(Line)
+    await vehicle.in_air(flight)
+    flying = asyncio.ensure_future(flight.fly(Line))
+    await asyncio.sleep(delay)
+    flying.cancel()
+    await asyncio.wait([flying])
+    assert flying.cancelled()
+    await asyncio.sleep(4.0)
+    assert math.dist(vehicle.world.flight.position, (0.0, 0.0, -10.0)) < 1.0
+    assert all(each.message.position[0] < 1.0 for each in setpoints(vehicle, vehicle.time / 1e6 - 2.0))
+    assert vehicle.world.mode in {HOLD, EXTERNAL}
+    await flight.hold()
+    await asyncio.sleep(1.0)
+    await flight.set_mode(Line)  # a user has asked for it
+    await asyncio.sleep(3.0)
+    assert vehicle.world.flight.position[0] > 1.0
 
 
 def test_an_error_in_the_handler_of_an_error_still_ends_the_mode(
@@ -89,9 +84,7 @@ def test_an_error_in_the_handler_of_an_error_still_ends_the_mode(
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         asyncio.get_running_loop().set_exception_handler(lambda _, what: told.append(str(what["exception"])))
-        await flight.add(Fails)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Fails)
+        await vehicle.in_mode(flight, Fails)
         await asyncio.sleep(3.0)
         assert vehicle.world.mode != EXTERNAL
         assert told == ["no home", "planned"]
@@ -103,38 +96,36 @@ def test_an_error_in_the_handler_of_an_error_still_ends_the_mode(
     fly(px4_types, program)
 
 
-def test_a_failed_test_in_a_mode_ends_the_flight(px4_types: Any) -> None:
+@flying()
+async def test_a_failed_test_in_a_mode_ends_the_flight(flight: Flight, vehicle: Flown) -> None:
     """What pytest raises is no Exception."""
 
     class Fails(Mode):
         async def fly(self) -> None:
             pytest.fail("planned")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Fails)
-        await vehicle.in_air(flight)
-        with pytest.raises(pytest.fail.Exception, match="planned"):
-            await flight.fly(Fails)
-
-    fly(px4_types, program)
+    await flight.add(Fails)
+    await vehicle.in_air(flight)
+    with pytest.raises(pytest.fail.Exception, match="planned"):
+        await flight.fly(Fails)
 
 
-def test_an_error_that_nothing_takes_still_ends_the_mode(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@flying()
+async def test_an_error_that_nothing_takes_still_ends_the_mode(
+    flight: Flight, vehicle: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     told: list[str] = []
 
     def fail(*_: object) -> None:
         raise UnsupportedError("planned")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        asyncio.get_running_loop().set_exception_handler(lambda _, what: told.append(str(what["exception"])))
-        await flight.add(Short)
-        await vehicle.in_air(flight)
-        monkeypatch.setattr(ActiveMode, "_tell", fail)
-        await flight.set_mode(Short)
-        await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 20.0)
-        assert told == ["planned"]
-
-    fly(px4_types, program)
+    asyncio.get_running_loop().set_exception_handler(lambda _, what: told.append(str(what["exception"])))
+    await flight.add(Short)
+    await vehicle.in_air(flight)
+    monkeypatch.setattr(ActiveMode, "_tell", fail)
+    await flight.set_mode(Short)
+    await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 20.0)
+    assert told == ["planned"]
 
 
 def test_a_task_that_outlives_fly_sends_nothing(px4_types: Any) -> None:
@@ -213,48 +204,45 @@ PAUSES = (0.0, 0.3, 2.0)
     [(kind, PAUSES[(place + turn) % 3]) for place, kind in enumerate(CLEANUPS) for turn in range(3)],
     3,
 )
-def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
-    px4_types: Any, caplog: pytest.LogCaptureFixture, kind: type[Turns], pause: float
+@flying()
+async def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
+    flight: Flight, vehicle: Flown, caplog: pytest.LogCaptureFixture, kind: type[Turns], pause: float
 ) -> None:
     mode = kind()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        await flight.set_mode(mode)
-        await asyncio.sleep(2.0)
-        await flight.hold()
-        left = vehicle.time / 1e6
-        await asyncio.sleep(pause)
-        assert setpoints(vehicle, left) == []
-        await asyncio.wait_for(flight.fly(mode), 20.0)
-        assert vehicle.world.flight.position[1] > 4.0
-        assert vehicle.times("trajectory_setpoint") == []
-
-    fly(px4_types, program)
+    await vehicle.in_mode(flight, mode)
+    await asyncio.sleep(2.0)
+    await flight.hold()
+    left = vehicle.time / 1e6
+    await asyncio.sleep(pause)
+    assert setpoints(vehicle, left) == []
+    await asyncio.wait_for(flight.fly(mode), 20.0)
+    assert vehicle.world.flight.position[1] > 4.0
+    assert vehicle.times("trajectory_setpoint") == []
     assert mode.runs == 2
     assert ("its end has failed" in caplog.text) == (kind is Raises)
 
 
 @by_day("kind", CLEANUPS, 2)
-def test_a_flight_that_is_cancelled_and_flown_anew_is_not_disturbed(px4_types: Any, kind: type[Turns]) -> None:
+@flying()
+async def test_a_flight_that_is_cancelled_and_flown_anew_is_not_disturbed(
+    flight: Flight, vehicle: Flown, kind: type[Turns]
+) -> None:
     mode = kind()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mode)
-        await vehicle.in_air(flight)
-        before = asyncio.ensure_future(flight.fly(mode))
-        await asyncio.sleep(2.0)
-        before.cancel()
-        await asyncio.wait_for(flight.fly(mode), 20.0)
-        assert vehicle.world.flight.position[1] > 4.0
-        assert vehicle.times("trajectory_setpoint") == []
-
-    fly(px4_types, program)
+    await flight.add(mode)
+    await vehicle.in_air(flight)
+    before = asyncio.ensure_future(flight.fly(mode))
+    await asyncio.sleep(2.0)
+    before.cancel()
+    await asyncio.wait_for(flight.fly(mode), 20.0)
+    assert vehicle.world.flight.position[1] > 4.0
+    assert vehicle.times("trajectory_setpoint") == []
     assert mode.runs == 2
 
 
-def test_a_fly_that_never_ends_sends_nothing_after_the_mode_was_left(px4_types: Any) -> None:
+@flying()
+async def test_a_fly_that_never_ends_sends_nothing_after_the_mode_was_left(flight: Flight, vehicle: Flown) -> None:
     class Stubborn(Mode):
         async def fly(self) -> None:
             for _ in range(20):
@@ -263,18 +251,13 @@ def test_a_fly_that_never_ends_sends_nothing_after_the_mode_was_left(px4_types: 
                 except BaseException:  # noqa: BLE001 - this is what is tested
                     await asyncio.sleep(0.5)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Stubborn)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Stubborn)
-        await asyncio.sleep(2.0)
-        await flight.hold()
-        left = vehicle.time / 1e6
-        await asyncio.sleep(5.0)
-        assert setpoints(vehicle, left) == []
-        assert vehicle.times("mode_completed") == []
-
-    fly(px4_types, program)
+    await vehicle.in_mode(flight, Stubborn)
+    await asyncio.sleep(2.0)
+    await flight.hold()
+    left = vehicle.time / 1e6
+    await asyncio.sleep(5.0)
+    assert setpoints(vehicle, left) == []
+    assert vehicle.times("mode_completed") == []
 
 
 # who waits for `fly`
@@ -286,24 +269,22 @@ async def ends(waiting: asyncio.Future[None], error: type[FlightError], text: st
         await asyncio.wait_for(waiting, 20.0)
 
 
-def test_every_wait_for_a_mode_ends(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line, Short)
-        await ends(asyncio.ensure_future(flight.fly(Line)), FlightError, "'Line' needs an armed vehicle")
-        assert vehicle.times("vehicle_command") == []
-        await vehicle.in_air(flight)
-        one, two = (asyncio.ensure_future(flight.fly(Short)) for _ in range(2))
-        await asyncio.wait_for(two, 20.0)
-        await ends(one, NotReachedError, "'Short' is flown anew")
-        waiting = asyncio.ensure_future(flight.fly(Line))
-        await asyncio.sleep(1.0)
-        again = asyncio.ensure_future(flight.fly(Line))
-        await asyncio.sleep(1.0)
-        await ends(waiting, NotReachedError, "'Line' was left before its end")
-        flight.close()
-        await ends(again, FlightError, "'Line'")
-
-    fly(types, program)
+@flying_each()
+async def test_every_wait_for_a_mode_ends(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Line, Short)
+    await ends(asyncio.ensure_future(flight.fly(Line)), FlightError, "'Line' needs an armed vehicle")
+    assert vehicle.times("vehicle_command") == []
+    await vehicle.in_air(flight)
+    one, two = (asyncio.ensure_future(flight.fly(Short)) for _ in range(2))
+    await asyncio.wait_for(two, 20.0)
+    await ends(one, NotReachedError, "'Short' is flown anew")
+    waiting = asyncio.ensure_future(flight.fly(Line))
+    await asyncio.sleep(1.0)
+    again = asyncio.ensure_future(flight.fly(Line))
+    await asyncio.sleep(1.0)
+    await ends(waiting, NotReachedError, "'Line' was left before its end")
+    flight.close()
+    await ends(again, FlightError, "'Line'")
 
 
 def test_a_wait_for_a_mode_ends_when_the_vehicle_restarts(types: Any) -> None:
@@ -321,15 +302,13 @@ def test_a_wait_for_a_mode_ends_when_the_vehicle_restarts(types: Any) -> None:
     assert fly(types, program) < 1.0
 
 
-def test_a_wait_for_a_mode_ends_when_the_vehicle_is_disarmed(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Line)
-        await vehicle.in_air(flight)
-        waiting = asyncio.ensure_future(flight.fly(Line))
-        await asyncio.sleep(1.0)
-        vehicle.choose(LAND)
-        await vehicle.until(waiting.done, 1.0)
-        with pytest.raises(NotReachedError):
-            await waiting
-
-    fly(px4_types, program)
+@flying()
+async def test_a_wait_for_a_mode_ends_when_the_vehicle_is_disarmed(flight: Flight, vehicle: Flown) -> None:
+    await flight.add(Line)
+    await vehicle.in_air(flight)
+    waiting = asyncio.ensure_future(flight.fly(Line))
+    await asyncio.sleep(1.0)
+    vehicle.choose(LAND)
+    await vehicle.until(waiting.done, 1.0)
+    with pytest.raises(NotReachedError):
+        await waiting

@@ -13,36 +13,19 @@ from typing import Any
 import pytest
 
 from msggen import recordings
-from msggen.flight import Executor, Flight, FlightError, Mode
+from msggen.flight import Flight, FlightError, Mode
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.pytest.faults import Faults
-from msggen.flight.pytest.recording import Recording
+from msggen.flight.pytest.flown import Recording
 from msggen.sim import Options
 from msggen.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
 from support.examples import by_day
-
-CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0))
-
-
-class Square(Mode, name="Square"):
-    async def fly(self) -> None:
-        begin = await self.position()
-        for x, y in CORNERS:
-            await self.goto(begin.shifted(x, y))
+from support.flown import CORNERS, Square, Tour
 
 
 class Waits(Mode, name="Waits"):
     async def fly(self) -> None:
         await self.goto((50.0, 0.0, -10.0))
-
-
-class Tour(Executor):
-    mode = Square
-
-    async def run(self) -> None:
-        await self.takeoff(5.0)
-        await self.fly()
-        await self.land()
 
 
 async def tour(flight: Flight) -> None:

@@ -13,9 +13,7 @@ from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import Flown, fly, flying, flying_each
 
 HOLD, OFFBOARD, LAND = 4, 14, 18
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
@@ -37,44 +35,40 @@ def setpoints(vehicle: Flown, since: float = 0.0) -> list[float]:
 # Offboard
 
 
-def test_after_a_pilot_has_left_offboard_nothing_is_sent(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
+@flying_each()
+async def test_after_a_pilot_has_left_offboard_nothing_is_sent(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        setpoint.trajectory(velocity=EAST)
+        await asyncio.sleep(2.0)
+        vehicle.choose(HOLD)
+        await asyncio.sleep(0.5)
+        sent = len(vehicle.sent)
+        await asyncio.sleep(3.0)
+        with pytest.raises(NotReachedError, match="Offboard mode has ended"):
             setpoint.trajectory(velocity=EAST)
-            await asyncio.sleep(2.0)
-            vehicle.choose(HOLD)
-            await asyncio.sleep(0.5)
-            sent = len(vehicle.sent)
-            await asyncio.sleep(3.0)
-            with pytest.raises(NotReachedError, match="Offboard mode has ended"):
-                setpoint.trajectory(velocity=EAST)
-            with pytest.raises(NotReachedError, match="Offboard mode has ended"):
-                await setpoint.goto((9.0, 0.0, -10.0))
-            vehicle.choose(LAND)
-            await asyncio.sleep(1.0)
-        await vehicle.until(lambda: not vehicle.world.is_armed, 30.0)
-        assert vehicle.sent[sent:] == []  # no heartbeat, and no command at the end of the block
-
-    fly(types, program)
+        with pytest.raises(NotReachedError, match="Offboard mode has ended"):
+            await setpoint.goto((9.0, 0.0, -10.0))
+        vehicle.choose(LAND)
+        await asyncio.sleep(1.0)
+    await vehicle.until(lambda: not vehicle.world.is_armed, 30.0)
+    assert vehicle.sent[sent:] == []  # no heartbeat, and no command at the end of the block
 
 
-def test_a_block_that_a_pilot_has_left_does_not_go_on_in_offboard(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            setpoint.trajectory(velocity=EAST)
-            await asyncio.sleep(1.0)
-            vehicle.choose(HOLD)
-            await asyncio.sleep(0.4)
-            sent = len(vehicle.sent)
-            vehicle.choose(OFFBOARD)  # PX4 has heard the heartbeat within the last second
-            await asyncio.sleep(0.4)
-            assert vehicle.world.mode == OFFBOARD
-            await asyncio.sleep(2.0)
-            assert vehicle.sent[sent:] == []
-
-    fly(px4_types, program)
+@flying()
+async def test_a_block_that_a_pilot_has_left_does_not_go_on_in_offboard(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        setpoint.trajectory(velocity=EAST)
+        await asyncio.sleep(1.0)
+        vehicle.choose(HOLD)
+        await asyncio.sleep(0.4)
+        sent = len(vehicle.sent)
+        vehicle.choose(OFFBOARD)  # PX4 has heard the heartbeat within the last second
+        await asyncio.sleep(0.4)
+        assert vehicle.world.mode == OFFBOARD
+        await asyncio.sleep(2.0)
+        assert vehicle.sent[sent:] == []
 
 
 def test_a_flight_to_a_place_ends_when_a_pilot_leaves_offboard(px4_types: Any) -> None:
@@ -92,24 +86,22 @@ def test_a_flight_to_a_place_ends_when_a_pilot_leaves_offboard(px4_types: Any) -
     assert fly(px4_types, program) < 1.2  # a status comes at 5 Hz, and a place can still be reached for 0.5 s
 
 
-def test_before_offboard_is_entered_only_heartbeats_are_sent(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        begin = len(vehicle.sent)
-        entered = []
-        end = flight.feeds["vehicle_status"].call(
-            lambda status: entered.append(len(vehicle.sent)) if status.nav_state == OFFBOARD else None
-        )
-        async with flight.offboard():
-            await asyncio.sleep(0.5)
-        end()
-        before = vehicle.sent[begin : entered[0]]
-        assert {each.topic for each in before} == {"offboard_control_mode", "vehicle_command"}
-        beats = [each for each in before if each.topic == "offboard_control_mode"]
-        assert 9 <= len(beats) <= 13  # 1 s at 10 Hz, and until the status shows the mode
-        assert len(setpoints(vehicle)) > 20
-
-    fly(types, program)
+@flying_each()
+async def test_before_offboard_is_entered_only_heartbeats_are_sent(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    begin = len(vehicle.sent)
+    entered = []
+    end = flight.feeds["vehicle_status"].call(
+        lambda status: entered.append(len(vehicle.sent)) if status.nav_state == OFFBOARD else None
+    )
+    async with flight.offboard():
+        await asyncio.sleep(0.5)
+    end()
+    before = vehicle.sent[begin : entered[0]]
+    assert {each.topic for each in before} == {"offboard_control_mode", "vehicle_command"}
+    beats = [each for each in before if each.topic == "offboard_control_mode"]
+    assert 9 <= len(beats) <= 13  # 1 s at 10 Hz, and until the status shows the mode
+    assert len(setpoints(vehicle)) > 20
 
 
 def test_after_a_hang_in_offboard_a_new_status_has_to_show_the_mode(px4_types: Any) -> None:
@@ -129,42 +121,37 @@ def test_after_a_hang_in_offboard_a_new_status_has_to_show_the_mode(px4_types: A
     assert confirmed <= sent < confirmed + 0.15
 
 
-def test_a_pilot_who_takes_over_in_a_hang_gets_no_setpoint(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            setpoint.trajectory(velocity=EAST)
-            await asyncio.sleep(1.0)
-            vehicle.choose(LAND)
-            vehicle.lost = {"vehicle_status"}
-            vehicle.hang(1.0)
-            back = vehicle.time / 1e6
-            await asyncio.sleep(0.4)
-            vehicle.lost.clear()
-            await asyncio.sleep(1.0)
-            assert [each for each in vehicle.sent if each.time >= back] == []
-
-    fly(px4_types, program)
+@flying()
+async def test_a_pilot_who_takes_over_in_a_hang_gets_no_setpoint(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        setpoint.trajectory(velocity=EAST)
+        await asyncio.sleep(1.0)
+        vehicle.choose(LAND)
+        vehicle.lost = {"vehicle_status"}
+        vehicle.hang(1.0)
+        back = vehicle.time / 1e6
+        await asyncio.sleep(0.4)
+        vehicle.lost.clear()
+        await asyncio.sleep(1.0)
+        assert [each for each in vehicle.sent if each.time >= back] == []
 
 
-def test_a_second_offboard_block_is_refused(px4_types: Any) -> None:
+@flying()
+async def test_a_second_offboard_block_is_refused(flight: Flight, vehicle: Flown) -> None:
     """Otherwise, the vehicle gets the setpoints of both in turn, and the end of one ends the other."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            setpoint.trajectory(velocity=EAST)
-            with pytest.raises(FlightError, match=r"`offboard\(\)` block already"):
-                async with flight.offboard():
-                    pass
-            await asyncio.sleep(2.0)
-            assert vehicle.world.mode == OFFBOARD
-            assert vehicle.world.flight.velocity[1] == pytest.approx(3.0, abs=0.3)
-        assert vehicle.world.mode == HOLD
-        async with flight.offboard():
-            assert vehicle.world.mode == OFFBOARD
-
-    fly(px4_types, program)
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        setpoint.trajectory(velocity=EAST)
+        with pytest.raises(FlightError, match=r"`offboard\(\)` block already"):
+            async with flight.offboard():
+                pass
+        await asyncio.sleep(2.0)
+        assert vehicle.world.mode == OFFBOARD
+        assert vehicle.world.flight.velocity[1] == pytest.approx(3.0, abs=0.3)
+    assert vehicle.world.mode == HOLD
+    async with flight.offboard():
+        assert vehicle.world.mode == OFFBOARD
 
 
 def test_two_tasks_do_not_enter_offboard_at_once(px4_types: Any) -> None:
@@ -190,61 +177,52 @@ def test_two_tasks_do_not_enter_offboard_at_once(px4_types: Any) -> None:
     itertools.product([False, True], [{"vehicle_status"}, {"vehicle_status", "arming_check_request"}]),
     3,
 )
-def test_setpoints_of_a_mode_stop_when_the_vehicle_is_not_heard(types: Any, lost: set[str], *, is_taken: bool) -> None:
+@flying_each()
+async def test_setpoints_of_a_mode_stop_when_the_vehicle_is_not_heard(
+    flight: Flight, vehicle: Flown, lost: set[str], *, is_taken: bool
+) -> None:
     """Without its status, the program does not know that the mode was left: Land with setpoints does not land."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Away)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
-        await asyncio.sleep(2.0)
-        vehicle.lost = lost
-        silent = vehicle.time / 1e6
-        if is_taken:
-            vehicle.choose(LAND)
-        await asyncio.sleep(10.0)
-        assert setpoints(vehicle, silent)
-        assert setpoints(vehicle, silent + 1.6 + 0.05) == []
-        if is_taken:
-            await vehicle.until(lambda: not vehicle.world.is_armed, 20.0)
-
-    fly(types, program)
+    await vehicle.in_mode(flight, Away)
+    await asyncio.sleep(2.0)
+    vehicle.lost = lost
+    silent = vehicle.time / 1e6
+    if is_taken:
+        vehicle.choose(LAND)
+    await asyncio.sleep(10.0)
+    assert setpoints(vehicle, silent)
+    assert setpoints(vehicle, silent + 1.6 + 0.05) == []
+    if is_taken:
+        await vehicle.until(lambda: not vehicle.world.is_armed, 20.0)
 
 
-def test_setpoints_of_offboard_stop_when_the_vehicle_is_not_heard(types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            setpoint.trajectory(velocity=(0.0, 0.0, -0.5))
-            await asyncio.sleep(1.0)
-            vehicle.lost = {"vehicle_status"}
-            silent = vehicle.time / 1e6
-            vehicle.choose(LAND)
-            await vehicle.until(lambda: not vehicle.world.is_armed, 40.0)
-            late = [each for each in vehicle.sent if each.time > silent + 1.65]
-            assert late == []
-            vehicle.lost.clear()
-            await asyncio.sleep(1.0)
-
-    fly(types, program)
-
-
-def test_setpoints_go_on_when_the_vehicle_is_heard_again_in_the_mode(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Away)
-        await vehicle.in_air(flight)
-        await flight.set_mode(EXTERNAL)
+@flying_each()
+async def test_setpoints_of_offboard_stop_when_the_vehicle_is_not_heard(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        setpoint.trajectory(velocity=(0.0, 0.0, -0.5))
         await asyncio.sleep(1.0)
         vehicle.lost = {"vehicle_status"}
-        await asyncio.sleep(2.5)
-        back = vehicle.time / 1e6
+        silent = vehicle.time / 1e6
+        vehicle.choose(LAND)
+        await vehicle.until(lambda: not vehicle.world.is_armed, 40.0)
+        late = [each for each in vehicle.sent if each.time > silent + 1.65]
+        assert late == []
         vehicle.lost.clear()
-        await asyncio.sleep(1.5)
-        again = setpoints(vehicle, back)
-        assert again
-        assert again[0] < back + 0.6
+        await asyncio.sleep(1.0)
 
-    fly(px4_types, program)
+
+@flying()
+async def test_setpoints_go_on_when_the_vehicle_is_heard_again_in_the_mode(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_mode(flight, Away)
+    await asyncio.sleep(1.0)
+    vehicle.lost = {"vehicle_status"}
+    await asyncio.sleep(2.5)
+    back = vehicle.time / 1e6
+    vehicle.lost.clear()
+    await asyncio.sleep(1.5)
+    again = setpoints(vehicle, back)
+    assert again
+    assert again[0] < back + 0.6
 
 
 # no link

@@ -1,4 +1,4 @@
-"""Tests that no number of a program has a meaning that must be guessed, and that no flight to a place is endless."""
+"""Tests that no number of a program must be guessed, no flight to a place is endless, and names elsewhere are told."""
 
 from __future__ import annotations
 
@@ -6,16 +6,21 @@ import asyncio
 import inspect
 import math
 import re
+import sys
 from collections.abc import Callable, Coroutine
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+import msggen.flight
 from msggen.flight import (
     BlockingFlight,
+    Check,
     Executor,
     Flight,
+    FlightError,
     GlobalPlace,
     LimitError,
     Limits,
@@ -24,16 +29,16 @@ from msggen.flight import (
     UnsupportedError,
     Vector,
 )
-from msggen.flight.blocking import BlockingOffboard
+from msggen.flight.blocking import BlockingOffboard, BlockingTelemetry
 from msggen.flight.limits import NO_LIMITS, Fence
 from msggen.flight.offboard import Offboard
 from msggen.flight.pytest.vehicle import SimVehicle
+from msggen.flight.telemetry import Telemetry
+from msggen.flight.usage import ATTRIBUTES, IMPORTED, Hinted, told
 from msggen.sim import Options
-from msggen.sim.loop import run
 from support.examples import by_day
-from support.flown import Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import Flown, fly, flying, flying_each
+from support.repository import ROOT
 
 BOTH = (
     "{0}: expected a GlobalPlace or keywords: `{0}(GlobalPlace(47.4, 8.5, 500.0))` or "
@@ -90,17 +95,15 @@ def test_a_place_on_earth_is_named(name: str, px4_types: Any) -> None:
                 getattr(flight, name)(*arguments, **options)
 
 
-def test_both_ways_to_name_a_place_lead_there(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        home = vehicle.world.home
-        await flight.goto(GlobalPlace(home.latitude + 0.0001, home.longitude, home.altitude + 8.0))
-        assert vehicle.world.flight.position == pytest.approx((11.1, 0.0, -8.0), abs=1.0)
-        await flight.goto(latitude=home.latitude, longitude=home.longitude)
-        assert vehicle.world.flight.position == pytest.approx((0.0, 0.0, -8.0), abs=1.0)
-        await flight.set_home(GlobalPlace(home.latitude, home.longitude, home.altitude))
-
-    fly(px4_types, program)
+@flying()
+async def test_both_ways_to_name_a_place_lead_there(flight: Flight, vehicle: Flown) -> None:
+    await vehicle.in_air(flight)
+    home = vehicle.world.home
+    await flight.goto(GlobalPlace(home.latitude + 0.0001, home.longitude, home.altitude + 8.0))
+    assert vehicle.world.flight.position == pytest.approx((11.1, 0.0, -8.0), abs=1.0)
+    await flight.goto(latitude=home.latitude, longitude=home.longitude)
+    assert vehicle.world.flight.position == pytest.approx((0.0, 0.0, -8.0), abs=1.0)
+    await flight.set_home(GlobalPlace(home.latitude, home.longitude, home.altitude))
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
@@ -115,22 +118,20 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
 }
 
 
-def test_wrong_arguments_of_a_setpoint_are_explained(px4_types: Any) -> None:
+@flying()
+async def test_wrong_arguments_of_a_setpoint_are_explained(flight: Flight, vehicle: Flown) -> None:
     explained: set[str] = set()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        async with flight.offboard() as setpoint:
-            for name, (call, text) in WRONG.items():
-                owners: list[Any] = [setpoint] if hasattr(setpoint, name.partition(" ")[0]) else []
-                if name != "goto of a number":  # of a mode, this is told once it flies
-                    owners.append(Mode())
-                for each in owners:
-                    with pytest.raises(TypeError, match=text):
-                        await call(each)
-                    explained.add(name)
-
-    fly(px4_types, program)
+    await vehicle.in_air(flight)
+    async with flight.offboard() as setpoint:
+        for name, (call, text) in WRONG.items():
+            owners: list[Any] = [setpoint] if hasattr(setpoint, name.partition(" ")[0]) else []
+            if name != "goto of a number":  # of a mode, this is told once it flies
+                owners.append(Mode())
+            for each in owners:
+                with pytest.raises(TypeError, match=text):
+                    await call(each)
+                explained.add(name)
     assert explained == WRONG.keys()
 
 
@@ -229,23 +230,20 @@ def flown(
     px4_types: Any, way: Way, goal: Vector, limits: Limits = NO_LIMITS, meanwhile: Meanwhile | None = None
 ) -> None:
     """Fly to a place for 30 s at most, and let something happen after 3 s."""
-    vehicle = Flown(px4_types, Options(parameters={"COM_DISARM_LAND": 60.0}))
 
-    async def main() -> None:
-        await asyncio.sleep(1.0)
-        async with Flight(vehicle, limits=limits) as flight:
-            mode = Goes()
-            mode.goal = goal
-            await flight.add(mode)
-            await vehicle.in_air(flight)
-            home = vehicle.world.home
-            degrees = math.degrees(goal.x / 6_371_000.0)
-            place = GlobalPlace(home.latitude + degrees, home.longitude, home.altitude - goal.z)
-            if meanwhile is not None:
-                asyncio.get_running_loop().call_later(3.0, meanwhile, vehicle)
-            await asyncio.wait_for(way(flight, mode, place), 30.0)
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Goes()
+        mode.goal = goal
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        home = vehicle.world.home
+        degrees = math.degrees(goal.x / 6_371_000.0)
+        place = GlobalPlace(home.latitude + degrees, home.longitude, home.altitude - goal.z)
+        if meanwhile is not None:
+            asyncio.get_running_loop().call_later(3.0, meanwhile, vehicle)
+        await asyncio.wait_for(way(flight, mode, place), 30.0)
 
-    run(main(), vehicle)
+    fly(px4_types, program, Options(parameters={"COM_DISARM_LAND": 60.0}), limits=limits)
 
 
 LANDS = "it lands"
@@ -269,24 +267,99 @@ def test_a_flight_to_a_place_ends_with_the_flight(way: str, end: str, px4_types:
 
 
 @pytest.mark.parametrize("name", ["takeoff", "land", "return_home"])
-def test_an_action_of_px4_ends_when_the_vehicle_is_killed(name: str, types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        if name != "takeoff":
-            await flight.takeoff(10.0)
-        asyncio.get_running_loop().call_later(2.0, vehicle.kill)
-        with pytest.raises(NotReachedError, match=r"was not completed: .*disarmed"):
-            await asyncio.wait_for(getattr(flight, name)(*((10.0,) if name == "takeoff" else ())), 30.0)
-
-    fly(types, program)
+@flying_each()
+async def test_an_action_of_px4_ends_when_the_vehicle_is_killed(flight: Flight, vehicle: Flown, name: str) -> None:
+    await flight.arm()
+    if name != "takeoff":
+        await flight.takeoff(10.0)
+    asyncio.get_running_loop().call_later(2.0, vehicle.kill)
+    with pytest.raises(NotReachedError, match=r"was not completed: .*disarmed"):
+        await asyncio.wait_for(getattr(flight, name)(*((10.0,) if name == "takeoff" else ())), 30.0)
 
 
 @pytest.mark.parametrize("name", ["land", "return_home"])
-def test_a_vehicle_that_disarms_on_the_ground_has_landed(name: str, types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await vehicle.in_air(flight)
-        vehicle.lost = {"mode_completed"}
-        await asyncio.wait_for(getattr(flight, name)(), 60.0)
-        assert not vehicle.world.is_armed
+@flying_each()
+async def test_a_vehicle_that_disarms_on_the_ground_has_landed(flight: Flight, vehicle: Flown, name: str) -> None:
+    await vehicle.in_air(flight)
+    vehicle.lost = {"mode_completed"}
+    await asyncio.wait_for(getattr(flight, name)(), 60.0)
+    assert not vehicle.world.is_armed
 
-    fly(types, program)
+
+FACADES = (Flight, BlockingFlight, Mode, Executor, Check, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
+PAGE = (ROOT / "tests" / "flight" / "compared.md").read_text(encoding="utf-8")
+
+
+def names_elsewhere() -> set[str]:
+    """Return the names in the first two columns of the page's table."""
+    table = PAGE.partition("## Names elsewhere")[2].partition("\n## ")[0]
+    rows = [line.split("|")[1:3] for line in table.splitlines() if line.startswith("| ")][1:]
+    code = [text for row in rows for cell in row for text in re.findall(r"`([^`]+)`", cell)]
+    return {re.split(r"[(:]", each)[0].rpartition(".")[2] for each in code}
+
+
+def test_every_name_of_the_page_is_known_or_told() -> None:
+    offered = {name for facade in FACADES for name in dir(facade)} | {*msggen.flight.__all__}
+    assert len(names_elsewhere()) > 30
+    assert names_elsewhere() - offered - ATTRIBUTES.keys() - IMPORTED.keys() - {"telemetry", "offboard"} == set()
+
+
+@pytest.mark.parametrize("name", IMPORTED)
+def test_an_import_of_another_library_tells_the_name(name: str) -> None:
+    with pytest.raises(ImportError) as raised:
+        exec(f"from msggen.flight import {name}")  # noqa: S102 - as a program does
+    assert str(raised.value) == f"module 'msggen.flight' has no '{name}': in msggen, it is {IMPORTED[name]}"
+    assert name not in msggen.flight.__all__
+
+
+@pytest.mark.parametrize("name", [*IMPORTED, "Flihgt"])
+def test_a_name_that_is_only_looked_for_is_no_error(name: str) -> None:
+    assert not hasattr(msggen.flight, name)
+    assert getattr(msggen.flight, name, None) is None
+    with pytest.raises(AttributeError, match=f"module 'msggen.flight' has no '{name}'"):
+        attrgetter(name)(msggen.flight)
+
+
+def test_only_public_names_are_completed_and_modules_can_be_imported() -> None:
+    assert dir(msggen.flight) == sorted(msggen.flight.__all__)
+    sys.modules.pop("msggen.flight.usage")
+    exec("from msggen.flight import usage, Flight, Mode")  # noqa: S102 - as above
+    with pytest.raises(ImportError, match="cannot import name 'Flihgt'"):
+        exec("from msggen.flight import Flihgt")  # noqa: S102 - as above
+    with pytest.raises(AttributeError, match="has no 'Flihgt', did you mean 'Flight'"):
+        attrgetter("Flihgt")(msggen.flight)
+
+
+@pytest.mark.parametrize("facade", FACADES)
+def test_every_counterpart_of_a_facade_is_told(facade: type) -> None:
+    assert issubclass(facade, Hinted)
+    for name, text in ATTRIBUTES.items():
+        if hasattr(facade, name):
+            continue
+        with pytest.raises(AttributeError) as raised:
+            getattr(facade.__new__(facade), name)
+        assert str(raised.value) == f"{facade.__name__} has no '{name}': in msggen, it is {text}"
+    with pytest.raises(AttributeError, match=rf"^{facade.__name__} has no 'xyzzy'$"):
+        attrgetter("xyzzy")(facade.__new__(facade))
+    assert not hasattr(facade.__new__(facade), "xyzzy")
+
+
+@flying()
+async def test_what_people_type_is_told(flight: Flight) -> None:
+    for path, text in (
+        ("return_to_launch", "in msggen, it is `return_home`"),
+        ("telemetry.position", "`await global_position()` or `await local_position()`"),
+        ("action.arm", "a method of the flight: `await flight.arm()`"),
+        ("telemetry.subscribe_battery", "for each message: `flight.feeds[topic].call(function)`"),
+        ("arm_async", "in msggen, it is `await arm(...)`"),
+        ("takeof", "did you mean 'takeoff'"),
+        ("telemetry.batery", "did you mean 'battery'"),
+    ):
+        with pytest.raises(AttributeError, match=re.escape(text)):
+            attrgetter(path)(flight)
+
+
+def test_a_flight_that_has_not_begun_says_so(px4_types: Any) -> None:
+    with pytest.raises(FlightError, match="has not begun"):
+        attrgetter("telemetry")(Flight(Flown(px4_types)))
+    assert told("X", "schedule_mode", ()) == "X has no 'schedule_mode': in msggen, it is `await self.fly(mode)`"

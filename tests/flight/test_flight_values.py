@@ -1,4 +1,4 @@
-"""Setpoints that are not finite, and positions without an estimate: an error, and nothing is sent."""
+"""Setpoints that are not finite or in degrees, and positions that are not known: an error, and nothing is sent."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen.flight.blocking import BlockingFlight
-from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.checks import Problem
+from msggen.flight.errors import LimitError, NoAnswerError, RefusedError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.missions import ActionItem, Mission, Plan
 from msggen.flight.mode import Mode
 from msggen.flight.pytest import SimVehicle
-from msggen.messages.setpoints import ATTITUDE, RATES
+from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES, ROVER
+from msggen.sim import Options
 from support.examples import examples
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying
 
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 RETURN = 5
@@ -116,13 +118,11 @@ def test_a_trajectory_is_finite_or_free_in_each_value(
         lambda flight: flight.set_origin(latitude=47.0, longitude=math.inf, altitude=0.0),
     ],
 )
-def test_commands_with_impossible_places_are_not_sent(px4_types: Any, call: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises((ValueError, TypeError), match="expected"):
-            await call(flight)
-        assert not vehicle.sent
-
-    fly(px4_types, program)
+@flying()
+async def test_commands_with_impossible_places_are_not_sent(flight: Flight, vehicle: Flown, call: Any) -> None:
+    with pytest.raises((ValueError, TypeError), match="expected"):
+        await call(flight)
+    assert not vehicle.sent
 
 
 def test_without_an_estimate_there_is_no_position(px4_types: Any) -> None:
@@ -146,9 +146,7 @@ def test_without_an_estimate_there_is_no_position(px4_types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         vehicles.append(vehicle)
-        await flight.add(Blind)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Blind)
+        await vehicle.in_mode(flight, Blind)
         await vehicle.until(lambda: len(errors) == 4, 6.0)
         with pytest.raises(NoAnswerError, match="no valid local position"):
             async with flight.offboard():
@@ -158,20 +156,18 @@ def test_without_an_estimate_there_is_no_position(px4_types: Any) -> None:
     assert {each.partition(":")[0] for each in errors} == {"the vehicle has no valid local position"}
 
 
-def test_a_mode_that_cannot_hold_says_so(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+@flying()
+async def test_a_mode_that_cannot_hold_says_so(
+    flight: Flight, vehicle: Flown, caplog: pytest.LogCaptureFixture
+) -> None:
     class Turns(Mode):
         setpoints = (RATES,)
 
         async def fly(self) -> None:
             await self.hold(1.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Turns)
-        await vehicle.in_air(flight)
-        await flight.set_mode(Turns)
-        await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
-
-    fly(px4_types, program)
+    await vehicle.in_mode(flight, Turns)
+    await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
     assert "for a multicopter, declare `setpoints = (GOTO, TRAJECTORY)`" in caplog.text
     assert UnsupportedError.__name__ in caplog.text
 
@@ -202,3 +198,63 @@ def test_a_time_that_is_none_is_an_error_and_not_waited_for(px4_types: Any) -> N
     fly(px4_types, program)
     with BlockingFlight(SimVehicle(px4_types)) as flight, pytest.raises(ValueError, match="a time in s, got nan"):
         flight.sleep(math.nan)
+
+
+class Turns(Mode, name="Turns"):
+    """Calls what it is given."""
+
+    def __init__(self, call: Any, kinds: Any = Mode.setpoints) -> None:
+        self.call, self.setpoints = call, kinds  # type: ignore[misc]
+
+    async def fly(self) -> None:
+        found = self.call(self)
+        if found is not None:
+            await found
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "kinds", "call"),
+    [
+        ("multicopter", Mode.setpoints, lambda mode: mode.goto((0.0, 0.0, -5.0), heading=90.0)),
+        ("multicopter", Mode.setpoints, lambda mode: mode.trajectory(velocity=(0.0, 0.0, 0.0), heading=-180.0)),
+        ("plane", (FIXED_WING,), lambda mode: mode.fixed_wing(course=90.0)),
+        ("plane", (FIXED_WING,), lambda mode: mode.fixed_wing(airspeed_direction=90.0)),
+        ("rover", ROVER, lambda mode: mode.rover(speed=1.0, heading=180.0)),
+    ],
+)
+def test_degrees_in_the_place_of_radians_are_an_error(px4_types: Any, vehicle: str, kinds: Any, call: Any) -> None:
+    async def program(flight: Flight, flown: Flown) -> None:
+        mode = Turns(call, kinds)
+        await flight.add(mode)
+        await flight.arm()
+        if vehicle != "rover":
+            await flight.takeoff(30.0 if vehicle == "plane" else 5.0)
+        sent = len(flown.sent)
+        with pytest.raises(ValueError, match=r"in rad, from -4 pi to 4 pi, got -?\d+: did you mean `\w+_deg=-?\d+`"):
+            await flight.fly(mode)
+        assert not [each for each in flown.sent[sent:] if getattr(each.message, "yaw", 0.0) in {90.0, 180.0}]
+
+    fly(px4_types, program, Options(vehicle=vehicle))
+
+
+@flying(Options(vehicle="plane"))
+async def test_an_altitude_in_the_ground_is_an_error(flight: Flight) -> None:
+    mode = Turns(lambda mode: mode.fixed_wing(course=0.0, altitude=50.0), (FIXED_WING,))
+    await flight.add(mode)
+    await flight.arm()
+    await flight.takeoff(30.0)
+    with pytest.raises(LimitError, match=r"438.* m below home, and nothing was sent: .* altitudes are above sea level"):
+        await flight.fly(mode)
+
+
+@flying()
+async def test_a_refusal_names_the_problems_that_the_program_reports(flight: Flight) -> None:
+    class Track(Turns, name="Track"):
+        def problems(self) -> Any:
+            return [Problem("track_no_target")]
+
+    await flight.add(Track(None))
+    await flight.arm()
+    await flight.takeoff(5.0)
+    with pytest.raises(RefusedError, match="'Track' reports track_no_target"):
+        await flight.fly(Track)

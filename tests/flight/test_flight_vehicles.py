@@ -22,10 +22,8 @@ from msggen.messages.vehicle_types import FIXED_WING as WINGS
 from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, Sent, fly
+from support.flown import EXTERNAL, Flown, Sent, fly, flying, flying_each
 from support.kinds import RELEASES, VEHICLES, followed, in_air, is_bridged, send
-
-pytest_plugins = ["support.flight_releases"]
 
 HOLD = 4
 TOPICS = {topic for kind in KINDS for topic in kind.topics}
@@ -75,7 +73,10 @@ def test_what_is_advised_for_a_vehicle_is_what_its_release_takes(vehicle: str, e
         assert found == {*followed(vehicle, each)}  # there are no others
 
 
-def test_what_is_advised_instead_of_a_kind_that_is_not_declared(types: Any, release: str) -> None:
+@flying_each(Options(vehicle="plane"))
+async def test_what_is_advised_instead_of_a_kind_that_is_not_declared(
+    flight: Flight, vehicle: Flown, release: str
+) -> None:
     """A plane that cannot hold its place, and one that is to fly by a course."""
 
     class Tumbles(Mode):
@@ -89,12 +90,9 @@ def test_what_is_advised_instead_of_a_kind_that_is_not_declared(types: Any, rele
             with pytest.raises(UnsupportedError, match=wanted):
                 self.fixed_wing(course_deg=90.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Tumbles)
-        await in_air(flight, vehicle)
-        await flight.fly(Tumbles)
-
-    fly(types, program, Options(vehicle="plane"))
+    await flight.add(Tumbles)
+    await in_air(flight, vehicle)
+    await flight.fly(Tumbles)
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES)
@@ -330,13 +328,9 @@ def test_the_errors_say_what_to_use_instead(px4_types: Any) -> None:
     fly(px4_types, rover, Options(vehicle="rover"))
 
 
-def test_only_a_vtol_changes_in_flight(px4_types: Any) -> None:
-    async def program(flight: Flight, _: Flown) -> None:
-        with pytest.raises(
-            UnsupportedError, match="only a VTOL changes between hovering and forward flight, not a multi"
-        ):
-            await flight.to_fixed_wing()
-        with pytest.raises(FlightError, match="only a VTOL"):
-            await flight.to_multicopter()
-
-    fly(px4_types, program)
+@flying()
+async def test_only_a_vtol_changes_in_flight(flight: Flight) -> None:
+    with pytest.raises(UnsupportedError, match="only a VTOL changes between hovering and forward flight, not a multi"):
+        await flight.to_fixed_wing()
+    with pytest.raises(FlightError, match="only a VTOL"):
+        await flight.to_multicopter()

@@ -17,9 +17,7 @@ from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY
 from msggen.messages.vehicle_types import VtolState
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 VTOL = Options(vehicle="vtol")
 _LATERAL, _LONGITUDINAL, *_ = FIXED_WING.topics
@@ -88,64 +86,56 @@ def test_a_mode_flies_forward_and_back(types: Any, kind: str, takes_both: bool) 
     assert len({*both[0]} & {*both[1]}) > 50 * 0.5  # together in the transitions
 
 
-def test_before_v1_17_a_vtol_changes_in_modes_of_px4(types: Any) -> None:
+@flying_each(VTOL)
+async def test_before_v1_17_a_vtol_changes_in_modes_of_px4(flight: Flight, vehicle: Flown, types: Any) -> None:
     class Asks(Mode):
         async def fly(self) -> None:
             await self.to_fixed_wing()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Asks)
-        wanted = r"before PX4 v1.17.*`await flight.hold\(\)`, then `await flight.to_fixed_wing\(\)`"
-        if has_wings(types):
-            wanted = "add `FIXED_WING` to its `setpoints`"
-        with pytest.raises(UnsupportedError, match=wanted):
-            await flight.fly(Asks)
-        assert state(vehicle) == VtolState.HOVER
-        await flight.hold()
+    await up(flight, vehicle, Asks)
+    wanted = r"before PX4 v1.17.*`await flight.hold\(\)`, then `await flight.to_fixed_wing\(\)`"
+    if has_wings(types):
+        wanted = "add `FIXED_WING` to its `setpoints`"
+    with pytest.raises(UnsupportedError, match=wanted):
+        await flight.fly(Asks)
+    assert state(vehicle) == VtolState.HOVER
+    await flight.hold()
+    await flight.to_fixed_wing()
+    assert state(vehicle) == VtolState.FORWARD
+    await flight.to_fixed_wing()  # it is there already
+    await flight.to_multicopter()
+    assert state(vehicle) == VtolState.HOVER
+
+
+@flying(VTOL)
+async def test_a_change_on_the_ground_is_refused_before_it_is_sent(flight: Flight, vehicle: Flown) -> None:
+    with pytest.raises(FlightError, match="on the ground, PX4 changes at once, and the vehicle flips over"):
         await flight.to_fixed_wing()
-        assert state(vehicle) == VtolState.FORWARD
-        await flight.to_fixed_wing()  # it is there already
-        await flight.to_multicopter()
-        assert state(vehicle) == VtolState.HOVER
-
-    fly(types, program, VTOL)
-
-
-def test_a_change_on_the_ground_is_refused_before_it_is_sent(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(FlightError, match="on the ground, PX4 changes at once, and the vehicle flips over"):
-            await flight.to_fixed_wing()
-        await flight.arm()
-        with pytest.raises(FlightError, match="take off first"):
-            await flight.to_fixed_wing()
-        assert VTOL_TRANSITION not in {each.message.command for each in vehicle.sent if "command" in each.topic}
-        climb = asyncio.ensure_future(flight.takeoff(20.0))
-        await vehicle.until(lambda: vehicle.world.flight.position[2] < -5.0, 20.0)
-        await asyncio.sleep(0.5)
-        with pytest.raises(RefusedError, match="change to forward flight: temporarily rejected"):
-            await flight.to_fixed_wing()
-        await climb
-
-    fly(px4_types, program, VTOL)
+    await flight.arm()
+    with pytest.raises(FlightError, match="take off first"):
+        await flight.to_fixed_wing()
+    assert VTOL_TRANSITION not in {each.message.command for each in vehicle.sent if "command" in each.topic}
+    climb = asyncio.ensure_future(flight.takeoff(20.0))
+    await vehicle.until(lambda: vehicle.world.flight.position[2] < -5.0, 20.0)
+    await asyncio.sleep(0.5)
+    with pytest.raises(RefusedError, match="change to forward flight: temporarily rejected"):
+        await flight.to_fixed_wing()
+    await climb
 
 
-def test_the_mode_of_a_program_and_offboard_change_by_their_own_call(px4_types: Any) -> None:
+@flying(VTOL)
+async def test_the_mode_of_a_program_and_offboard_change_by_their_own_call(flight: Flight, vehicle: Flown) -> None:
     class Stays(Vtol):
         async def fly(self) -> None:
             await self.hold(1000.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Stays)
-        await flight.set_mode(EXTERNAL)
-        with pytest.raises(
-            FlightError, match=r"`await self.to_fixed_wing\(\)` in the mode, or `await flight.hold\(\)`"
-        ):
-            await flight.to_fixed_wing()
-        await flight.hold()
-        with pytest.raises(ValueError, match="a timeout above 0 s"):
-            await flight.to_fixed_wing(timeout=0.0)
-
-    fly(px4_types, program, VTOL)
+    await up(flight, vehicle, Stays)
+    await flight.set_mode(EXTERNAL)
+    with pytest.raises(FlightError, match=r"`await self.to_fixed_wing\(\)` in the mode, or `await flight.hold\(\)`"):
+        await flight.to_fixed_wing()
+    await flight.hold()
+    with pytest.raises(ValueError, match="a timeout above 0 s"):
+        await flight.to_fixed_wing(timeout=0.0)
 
 
 def test_a_vehicle_that_is_not_heard_or_does_not_change_is_told(px4_types: Any) -> None:
@@ -175,29 +165,30 @@ async def chute(vehicle: Flown) -> None:
     assert vehicle.world.command(VTOL_TRANSITION, [3.0, 1.0, *[0.0] * 5]) == 0
 
 
-def test_a_quad_chute_in_a_transition_is_told_and_the_mode_holds_its_place(px4_types: Any) -> None:
+@flying(VTOL)
+async def test_a_quad_chute_in_a_transition_is_told_and_the_mode_holds_its_place(
+    flight: Flight, vehicle: Flown
+) -> None:
     class Falls(Vtol):
         async def fly(self) -> None:
             with pytest.raises(NotReachedError, match="a quad-chute has ended it"):
                 await self.to_fixed_wing()
             await asyncio.sleep(3.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Falls)
-        flying = asyncio.ensure_future(flight.fly(Falls))
-        await vehicle.until(lambda: vehicle.world.vtol_state == VtolState.TO_FORWARD, 3.0)
-        await asyncio.sleep(0.5)
-        await chute(vehicle)
-        await flying
-        assert vehicle.world.mode == EXTERNAL
-        assert math.hypot(*vehicle.world.flight.velocity) < 0.2
-
-    fly(px4_types, program, VTOL)
+    await up(flight, vehicle, Falls)
+    flying = asyncio.ensure_future(flight.fly(Falls))
+    await vehicle.until(lambda: vehicle.world.vtol_state == VtolState.TO_FORWARD, 3.0)
+    await asyncio.sleep(0.5)
+    await chute(vehicle)
+    await flying
+    assert vehicle.world.mode == EXTERNAL
+    assert math.hypot(*vehicle.world.flight.velocity) < 0.2
 
 
 @pytest.mark.parametrize("way", ["goto", "course"])
-def test_a_quad_chute_in_forward_flight_ends_the_way_and_holds(
-    px4_types: Any, way: str, caplog: pytest.LogCaptureFixture
+@flying(VTOL)
+async def test_a_quad_chute_in_forward_flight_ends_the_way_and_holds(
+    flight: Flight, vehicle: Flown, way: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Falls(Vtol):
         async def fly(self) -> None:
@@ -215,19 +206,15 @@ def test_a_quad_chute_in_forward_flight_ends_the_way_and_holds(
 
     is_ready: Any = None
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        nonlocal is_ready
-        is_ready = asyncio.Event()
-        await up(flight, vehicle, Falls)
-        flying = asyncio.ensure_future(flight.fly(Falls))
-        await is_ready.wait()
-        await asyncio.sleep(1.0)
-        await chute(vehicle)
-        await flying
-        assert math.hypot(*vehicle.world.flight.velocity) < 0.2
-        assert vehicle.times(_LATERAL)[-1] < vehicle.times(GOTO.topic)[-1] - 4.0
-
-    fly(px4_types, program, VTOL)
+    is_ready = asyncio.Event()
+    await up(flight, vehicle, Falls)
+    flying = asyncio.ensure_future(flight.fly(Falls))
+    await is_ready.wait()
+    await asyncio.sleep(1.0)
+    await chute(vehicle)
+    await flying
+    assert math.hypot(*vehicle.world.flight.velocity) < 0.2
+    assert vehicle.times(_LATERAL)[-1] < vehicle.times(GOTO.topic)[-1] - 4.0
     assert "mode 'Falls' holds its place: the VTOL hovers now" in caplog.text
 
 
@@ -269,24 +256,23 @@ def test_a_mode_without_setpoints_for_how_the_vtol_flies_is_not_entered(
 
 
 @by_day("seconds", [0.0, 0.5, 4.0], 2)
-def test_a_mode_that_a_transition_catches_without_setpoints_is_left(px4_types: Any, seconds: float) -> None:
+@flying(VTOL)
+async def test_a_mode_that_a_transition_catches_without_setpoints_is_left(
+    flight: Flight, vehicle: Flown, seconds: float
+) -> None:
     """It was entered just before PX4 asked, or a pilot lets the vehicle change in it."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Hovers)
-        if not seconds:
-            await flight.set_mode(Hovers)
-        vehicle.world.command(VTOL_TRANSITION, [4.0, 0.0, *[0.0] * 5])
-        if seconds:
-            await asyncio.sleep(seconds)
-            vehicle.choose(EXTERNAL)
-        await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 1.5)
-        await asyncio.sleep(0.3)
-        left = vehicle.time / 1e6
-        await asyncio.sleep(2.0)
-        assert not [each for each in vehicle.times(GOTO.topic) if each > left]
-
-    fly(px4_types, program, VTOL)
+    await up(flight, vehicle, Hovers)
+    if not seconds:
+        await flight.set_mode(Hovers)
+    vehicle.world.command(VTOL_TRANSITION, [4.0, 0.0, *[0.0] * 5])
+    if seconds:
+        await asyncio.sleep(seconds)
+        vehicle.choose(EXTERNAL)
+    await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 1.5)
+    await asyncio.sleep(0.3)
+    left = vehicle.time / 1e6
+    await asyncio.sleep(2.0)
+    assert not [each for each in vehicle.times(GOTO.topic) if each > left]
 
 
 def test_what_a_vtol_does_not_follow_now_is_an_error(px4_types: Any) -> None:
@@ -330,20 +316,18 @@ def test_what_a_vtol_does_not_follow_now_is_an_error(px4_types: Any) -> None:
     assert flies.endswith("does not follow trajectory setpoints: `await self.to_multicopter()` before")
 
 
-def test_a_cancelled_change_is_completed_and_then_the_mode_holds(px4_types: Any) -> None:
+@flying(VTOL)
+async def test_a_cancelled_change_is_completed_and_then_the_mode_holds(flight: Flight, vehicle: Flown) -> None:
     class Cancels(Vtol):
         async def fly(self) -> None:
             with pytest.raises(asyncio.TimeoutError):
                 await asyncio.wait_for(self.to_fixed_wing(), 1.0)
             await asyncio.sleep(4.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Cancels)
-        await flight.fly(Cancels)
-        assert state(vehicle) == VtolState.FORWARD
-        here = vehicle.world.flight.position
-        await asyncio.sleep(15.0)
-        assert math.dist(vehicle.world.flight.position[:2], here[:2]) < 180.0
-        assert abs(vehicle.world.flight.position[2] - here[2]) < 5.0
-
-    fly(px4_types, program, VTOL)
+    await up(flight, vehicle, Cancels)
+    await flight.fly(Cancels)
+    assert state(vehicle) == VtolState.FORWARD
+    here = vehicle.world.flight.position
+    await asyncio.sleep(15.0)
+    assert math.dist(vehicle.world.flight.position[:2], here[:2]) < 180.0
+    assert abs(vehicle.world.flight.position[2] - here[2]) < 5.0

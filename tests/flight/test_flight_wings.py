@@ -23,9 +23,7 @@ from msggen.messages.nav_states import RETURN
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly
-
-pytest_plugins = ["support.flight_releases"]
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each
 
 PLANE = Options(vehicle="plane")
 LATERAL, LONGITUDINAL, *CONFIGURATIONS = FIXED_WING.topics
@@ -155,11 +153,12 @@ def vars_of(message: Any) -> dict[str, Any]:
     return {field.name: getattr(message, field.name) for field in message.__msg__.fields}
 
 
-def test_it_flies_a_course_an_altitude_and_an_airspeed(px4_types: Any) -> None:
+@flying(PLANE)
+async def test_it_flies_a_course_an_altitude_and_an_airspeed(flight: Flight, vehicle: Flown) -> None:
     class Course(Glides):
         async def fly(self) -> None:
             here = await self.position()
-            self.fixed_wing(course_deg=90.0, altitude=vehicle_.world.origin.altitude - here.z + 20.0, airspeed=18.0)
+            self.fixed_wing(course_deg=90.0, altitude=vehicle.world.origin.altitude - here.z + 20.0, airspeed=18.0)
             await asyncio.sleep(30.0)
             velocity = await self.velocity()
             assert math.degrees(math.atan2(velocity.y, velocity.x)) == pytest.approx(90.0, abs=2.0)
@@ -169,15 +168,8 @@ def test_it_flies_a_course_an_altitude_and_an_airspeed(px4_types: Any) -> None:
             await asyncio.sleep(5.0)
             assert (await self.velocity()).z == pytest.approx(-2.0, abs=0.3)
 
-    vehicle_: Any = None
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        nonlocal vehicle_
-        vehicle_ = vehicle
-        await up(flight, vehicle, Course)
-        await flight.fly(Course)
-
-    fly(px4_types, program, PLANE)
+    await up(flight, vehicle, Course)
+    await flight.fly(Course)
 
 
 class Visits(Glides, name="Visits"):
@@ -193,19 +185,17 @@ class Visits(Glides, name="Visits"):
             self.distances.append(math.dist((await self.position())[:2], place[:2]))
 
 
-def test_goto_guides_it_over_places_and_around_the_last_one(px4_types: Any) -> None:
+@flying(PLANE)
+async def test_goto_guides_it_over_places_and_around_the_last_one(flight: Flight, vehicle: Flown) -> None:
     visits = Visits((200.0, 0.0, -30.0), (200.0, 150.0, -35.0), within=15.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, visits)
-        await flight.fly(visits)
-        await asyncio.sleep(25.0)
-        x, y, z = vehicle.world.flight.position
-        assert math.hypot(x - 200.0, y - 150.0) == pytest.approx(RADIUS, abs=8.0)
-        assert z == pytest.approx(-35.0, abs=2.0)
-        assert vehicle.world.mode == EXTERNAL
-
-    fly(px4_types, program, PLANE)
+    await up(flight, vehicle, visits)
+    await flight.fly(visits)
+    await asyncio.sleep(25.0)
+    x, y, z = vehicle.world.flight.position
+    assert math.hypot(x - 200.0, y - 150.0) == pytest.approx(RADIUS, abs=8.0)
+    assert z == pytest.approx(-35.0, abs=2.0)
+    assert vehicle.world.mode == EXTERNAL
     assert max(visits.distances) < 15.0 + 2.0
 
 
@@ -214,7 +204,8 @@ def test_goto_guides_it_over_places_and_around_the_last_one(px4_types: Any) -> N
     [(5.0, -5.0), (0.0, 30.0), (0.0, -30.0), (25.0, -30.0), (-25.0, 30.0), (-25.0, 5.0), (5.0, 5.0)],
     6,
 )
-def test_a_place_inside_its_turn_is_reached(px4_types: Any, ahead: float, side: float) -> None:
+@flying(PLANE)
+async def test_a_place_inside_its_turn_is_reached(flight: Flight, vehicle: Flown, ahead: float, side: float) -> None:
     """An aircraft that turns to a place at its side as hard as it can flies around it for ever."""
 
     class Near(Glides):
@@ -224,45 +215,38 @@ def test_a_place_inside_its_turn_is_reached(px4_types: Any, ahead: float, side: 
             here = await self.position()
             await asyncio.wait_for(self.goto(here.shifted(ahead, side), within=5.0), 60.0)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Near)
-        await flight.fly(Near)
-
-    fly(px4_types, program, PLANE)
+    await up(flight, vehicle, Near)
+    await flight.fly(Near)
 
 
-def test_goto_takes_what_a_plane_can_do(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Visits((100.0, 0.0, -40.0), heading_deg=90.0)
-        await up(flight, vehicle, mode)
-        for options, text in (
-            ({"heading_deg": 90.0}, "goto of a fixed-wing aircraft takes no heading here: it takes airspeed, within"),
-            ({"max_speed": 9.0}, "takes no max_speed"),
-        ):
-            mode.options = options
-            with pytest.raises(UnsupportedError, match=text):
-                await flight.fly(mode)
-        for wrong in ({"airspeed": 0.0}, {"within": 0.0}, {"airspeed": NAN}):
-            mode.options = wrong
-            with pytest.raises(ValueError, match="expected"):
-                await flight.fly(mode)
-        mode.options, mode.places = {}, ((100.0, 0.0, 20.0),)
-        with pytest.raises(LimitError, match=r"20\.0 m below home"):
+@flying(PLANE)
+async def test_goto_takes_what_a_plane_can_do(flight: Flight, vehicle: Flown) -> None:
+    mode = Visits((100.0, 0.0, -40.0), heading_deg=90.0)
+    await up(flight, vehicle, mode)
+    for options, text in (
+        ({"heading_deg": 90.0}, "goto of a fixed-wing aircraft takes no heading here: it takes airspeed, within"),
+        ({"max_speed": 9.0}, "takes no max_speed"),
+    ):
+        mode.options = options
+        with pytest.raises(UnsupportedError, match=text):
             await flight.fly(mode)
-
-    fly(px4_types, program, PLANE)
-
-
-def test_goto_on_the_ground_is_an_error(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = Visits((100.0, 0.0, -40.0))
-        await flight.add(mode)
-        await flight.arm()
-        with pytest.raises(NotReachedError, match="is on the ground, and goto does not lift"):
+    for wrong in ({"airspeed": 0.0}, {"within": 0.0}, {"airspeed": NAN}):
+        mode.options = wrong
+        with pytest.raises(ValueError, match="expected"):
             await flight.fly(mode)
-        assert not vehicle.times(LATERAL)  # so that the propeller stands
+    mode.options, mode.places = {}, ((100.0, 0.0, 20.0),)
+    with pytest.raises(LimitError, match=r"20\.0 m below home"):
+        await flight.fly(mode)
 
-    fly(px4_types, program, PLANE)
+
+@flying(PLANE)
+async def test_goto_on_the_ground_is_an_error(flight: Flight, vehicle: Flown) -> None:
+    mode = Visits((100.0, 0.0, -40.0))
+    await flight.add(mode)
+    await flight.arm()
+    with pytest.raises(NotReachedError, match="is on the ground, and goto does not lift"):
+        await flight.fly(mode)
+    assert not vehicle.times(LATERAL)  # so that the propeller stands
 
 
 def test_a_course_on_the_ground_is_an_error(types: Any) -> None:
@@ -283,22 +267,19 @@ def test_a_course_on_the_ground_is_an_error(types: Any) -> None:
 
 
 @pytest.mark.parametrize("mode", ["hold", "land", "return"])
-def test_a_plane_that_has_not_taken_off_is_told(types: Any, mode: str) -> None:
+@flying_each(PLANE)
+async def test_a_plane_that_has_not_taken_off_is_told(flight: Flight, vehicle: Flown, mode: str) -> None:
     """PX4 disarms other vehicles then, and a plane never."""
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        await flight.set_mode(mode)
-        begin = vehicle.time
-        with pytest.raises(FlightError, match=r"has not taken off.*`await flight.takeoff\(30.0\)` before, or `await"):
-            await asyncio.wait_for(flight.wait_disarmed(), 60.0)
-        assert vehicle.time - begin < 15e6
-        disarmed = asyncio.ensure_future(flight.wait_disarmed())
-        await asyncio.sleep(9.0)
-        await flight.disarm()
-        await disarmed
-
-    fly(types, program, PLANE)
+    await flight.arm()
+    await flight.set_mode(mode)
+    begin = vehicle.time
+    with pytest.raises(FlightError, match=r"has not taken off.*`await flight.takeoff\(30.0\)` before, or `await"):
+        await asyncio.wait_for(flight.wait_disarmed(), 60.0)
+    assert vehicle.time - begin < 15e6
+    disarmed = asyncio.ensure_future(flight.wait_disarmed())
+    await asyncio.sleep(9.0)
+    await flight.disarm()
+    await disarmed
 
 
 def test_a_plane_that_returns_circles(types: Any, caplog: pytest.LogCaptureFixture) -> None:
@@ -319,46 +300,43 @@ def test_a_plane_that_returns_circles(types: Any, caplog: pytest.LogCaptureFixtu
     )
 
 
-def test_it_circles_until_the_first_setpoint_and_when_it_holds(px4_types: Any) -> None:
+@flying(PLANE)
+async def test_it_circles_until_the_first_setpoint_and_when_it_holds(flight: Flight, vehicle: Flown) -> None:
     class Waits(Glides):
         async def fly(self) -> None:
             await asyncio.sleep(10.0)
             await self.hold(10.0)
             raise ValueError("it is enough")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Waits)
-        await asyncio.sleep(1.0)
-        here = vehicle.world.flight.position
-        with pytest.raises(ValueError, match="it is enough"):
-            await flight.fly(Waits)
-        assert vehicle.world.mode == EXTERNAL
-        for _ in range(3):
-            assert math.dist(vehicle.world.flight.position[:2], here[:2]) < 5 * RADIUS
-            assert vehicle.world.flight.position[2] == pytest.approx(here[2], abs=2.0)
-            await asyncio.sleep(5.0)
-
-    fly(px4_types, program, PLANE)
+    await up(flight, vehicle, Waits)
+    await asyncio.sleep(1.0)
+    here = vehicle.world.flight.position
+    with pytest.raises(ValueError, match="it is enough"):
+        await flight.fly(Waits)
+    assert vehicle.world.mode == EXTERNAL
+    for _ in range(3):
+        assert math.dist(vehicle.world.flight.position[:2], here[:2]) < 5 * RADIUS
+        assert vehicle.world.flight.position[2] == pytest.approx(here[2], abs=2.0)
+        await asyncio.sleep(5.0)
 
 
-def test_an_error_that_nobody_awaits_lets_px4_return(px4_types: Any) -> None:
+@flying(PLANE)
+async def test_an_error_that_nobody_awaits_lets_px4_return(flight: Flight, vehicle: Flown) -> None:
     class Fails(Glides):
         async def fly(self) -> None:
             self.fixed_wing(course_deg=0.0)
             await asyncio.sleep(1.0)
             raise FlightError("lost")
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        asyncio.get_running_loop().set_exception_handler(lambda *_: None)
-        await up(flight, vehicle, Fails)
-        await flight.set_mode(EXTERNAL)
-        await vehicle.until(lambda: vehicle.world.mode == RETURN, 3.0)
-
-    fly(px4_types, program, PLANE)
+    asyncio.get_running_loop().set_exception_handler(lambda *_: None)
+    await up(flight, vehicle, Fails)
+    await flight.set_mode(EXTERNAL)
+    await vehicle.until(lambda: vehicle.world.mode == RETURN, 3.0)
 
 
 @by_day("course", [0.0, 90.0], 2)
-def test_limits_turn_it_back(px4_types: Any, course: float) -> None:
+@flying(PLANE)
+async def test_limits_turn_it_back(flight: Flight, vehicle: Flown, course: float) -> None:
     seen: list[tuple[float, float]] = []
 
     class Away(Glides):
@@ -366,30 +344,24 @@ def test_limits_turn_it_back(px4_types: Any, course: float) -> None:
 
         async def fly(self) -> None:
             with pytest.raises(LimitError, match="above home"):
-                self.fixed_wing(course_deg=course, altitude=vehicle_.world.home.altitude + 60.0)
+                self.fixed_wing(course_deg=course, altitude=vehicle.world.home.altitude + 60.0)
             with pytest.raises(LimitError, match="from home"):
                 await self.goto((400.0, 0.0, -40.0))
             home = (await self.telemetry.home()).position  # where it has left the runway
             self.fixed_wing(course_deg=course, height_rate=3.0)
             for _ in range(35):
                 await asyncio.sleep(1.0)
-                x, y, z = vehicle_.world.flight.position
+                x, y, z = vehicle.world.flight.position
                 seen.append((math.dist((x, y), home[:2]), -z))
 
-    vehicle_: Any = None
-
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        nonlocal vehicle_
-        vehicle_ = vehicle
-        await up(flight, vehicle, Away)
-        await flight.fly(Away)
-
-    fly(px4_types, program, PLANE)
+    await up(flight, vehicle, Away)
+    await flight.fly(Away)
     assert 170.0 < max(distance for distance, _ in seen) < 250.0
     assert 45.0 < max(height for _, height in seen) < 51.0
 
 
-def test_the_thrust_of_attitude_and_rates_is_forward(px4_types: Any) -> None:
+@flying(PLANE)
+async def test_the_thrust_of_attitude_and_rates_is_forward(flight: Flight, vehicle: Flown) -> None:
     class Pushes(Mode):
         setpoints = (ATTITUDE, RATES)
 
@@ -399,28 +371,23 @@ def test_the_thrust_of_attitude_and_rates_is_forward(px4_types: Any) -> None:
             self.rates(roll=0.0, pitch=0.0, yaw=0.0, thrust=0.5)
             await asyncio.sleep(0.2)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, Pushes)
-        await flight.fly(Pushes)
-        for kind, share in ((ATTITUDE, 0.6), (RATES, 0.5)):
-            found = [each.message.thrust_body for each in vehicle.sent if each.topic == kind.topic]
-            assert found
-            assert all(each == pytest.approx((share, 0.0, 0.0)) for each in found)
-
-    fly(px4_types, program, PLANE)
+    await up(flight, vehicle, Pushes)
+    await flight.fly(Pushes)
+    for kind, share in ((ATTITUDE, 0.6), (RATES, 0.5)):
+        found = [each.message.thrust_body for each in vehicle.sent if each.topic == kind.topic]
+        assert found
+        assert all(each == pytest.approx((share, 0.0, 0.0)) for each in found)
 
 
-def test_the_flight_itself_goes_to_a_place_and_circles_there(px4_types: Any) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        await flight.takeoff(30.0)
-        home = vehicle.world.home
-        place = GlobalPlace(home.latitude + 0.0015, home.longitude, home.altitude + 40.0)
-        await flight.goto(place)
-        x, y, z = vehicle.world.flight.position
-        assert math.hypot(x - 167.0, y) < 110.0
-        assert z == pytest.approx(-40.0, abs=11.0)
-        await flight.land()
-        await flight.wait_disarmed()
-
-    fly(px4_types, program, PLANE)
+@flying(PLANE)
+async def test_the_flight_itself_goes_to_a_place_and_circles_there(flight: Flight, vehicle: Flown) -> None:
+    await flight.arm()
+    await flight.takeoff(30.0)
+    home = vehicle.world.home
+    place = GlobalPlace(home.latitude + 0.0015, home.longitude, home.altitude + 40.0)
+    await flight.goto(place)
+    x, y, z = vehicle.world.flight.position
+    assert math.hypot(x - 167.0, y) < 110.0
+    assert z == pytest.approx(-40.0, abs=11.0)
+    await flight.land()
+    await flight.wait_disarmed()

@@ -10,40 +10,15 @@ from typing import Any
 
 import pytest
 
-from msggen.flight import FIXED_WING, LOCAL_POSITION, Executor, Flight, Limits, Mode, UnsupportedError
+from msggen.flight import FIXED_WING, Flight, Limits, Mode, UnsupportedError
 from msggen.generate.cache import package_of
 from msggen.live import Vehicle
 from msggen.sim import Simulator
-from support.flying import CALM, simulated, wait_long_for_replies
+from support.flying import CALM, Hop, Hops, simulated, wait_long_for_replies
 from support.networked import networked
 from support.ports import free_port
 
 pytest.importorskip("zenoh")
-
-
-class Hop(Mode, name="Hop"):
-    """Flies 1.5 m to the north."""
-
-    requires = LOCAL_POSITION
-
-    async def fly(self) -> None:
-        await self.goto((await self.position()).shifted(1.5))
-
-
-class Hops(Executor):
-    """A whole flight."""
-
-    mode = Hop
-
-    def __init__(self) -> None:
-        self.end = asyncio.Event()
-
-    async def run(self) -> None:
-        await self.takeoff(1.5)
-        await self.fly()
-        await self.land()
-        await self.wait_disarmed()
-        self.end.set()
 
 
 class Glides(Mode, name="Glides"):

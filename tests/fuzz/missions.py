@@ -20,7 +20,7 @@ from msggen.base.diagnostics import Diagnostic, InputError
 from msggen.flight.errors import FlightError
 from msggen.flight.missions import Plan, Waypoint, parse_mission, read_mission
 from msggen.flight.missions.built_in import BUILT_IN
-from msggen.flight.missions.state import StateFile
+from msggen.flight.missions.handler import StateFile
 from support.mutations import LARGEST, Mutator
 from support.scratch import scratch_folder
 

@@ -26,8 +26,6 @@ from msggen.sim.values import Filler, Scene
 from msggen.sim.vehicle import world_of
 from msggen.sim.world import World
 
-pytest_plugins = ["support.flight_releases"]
-
 NAN3, NAN4 = (math.nan,) * 3, (math.nan,) * 4
 ALL = {"position", "height", "velocity", "attitude"}
 INDOORS = {"EKF2_EV_CTRL": 15.0, "EKF2_GPS_CTRL": 0.0}

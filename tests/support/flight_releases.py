@@ -1,4 +1,4 @@
-"""A fixture with the types of each release that has flight modes. Tests name this module in `pytest_plugins`.
+"""A fixture with the types of each release that has flight modes.
 
 By day, a test flies one release, which its name draws: the newest one as often as all others. At night, it flies all.
 """

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+import inspect
 import random
 from collections.abc import Callable, Coroutine
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
+from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.sim import Options
@@ -16,6 +19,7 @@ from msggen.sim.near import NearVehicle
 
 _Result = TypeVar("_Result")
 EXTERNAL = 23
+CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0))
 _TAKEOFF = 17
 _THRUSTING = 1_800_000
 """A time in us from the start of the motors at which they nearly lift the vehicle."""
@@ -35,6 +39,26 @@ class Short(Mode, name="Short"):
 
     async def fly(self) -> None:
         await self.goto((3.0, 0.0, -10.0))
+
+
+class Square(Mode, name="Square"):
+    """Flies a square."""
+
+    async def fly(self) -> None:
+        begin = await self.position()
+        for x, y in CORNERS:
+            await self.goto(begin.shifted(x, y))
+
+
+class Tour(Executor):
+    """Takes off, flies the square, and lands."""
+
+    mode = Square
+
+    async def run(self) -> None:
+        await self.takeoff(5.0)
+        await self.fly()
+        await self.land()
 
 
 class Sent(NamedTuple):
@@ -130,6 +154,12 @@ class Flown(NearVehicle):
         await climbing
         await self.until(lambda: self.world.mode == 4, 2.0)
 
+    async def in_mode(self, flight: Flight, mode: Mode | type[Mode]) -> None:
+        """Register a mode, take off, and select it."""
+        await flight.add(mode)
+        await self.in_air(flight)
+        await flight.set_mode(mode)
+
 
 def fly(
     package: ModuleType,
@@ -137,13 +167,45 @@ def fly(
     options: Options = Options(),  # noqa: B008 - it is immutable
     *,
     made: type[Flown] = Flown,
+    **given: Any,
 ) -> _Result:
-    """Run a program with a vehicle that has stood for 1 s, and return what it returns."""
+    """Run a program with a vehicle that has stood for 1 s, and return what it returns. The Flight has what is given."""
     vehicle = made(package, options)
 
     async def main() -> _Result:
         await asyncio.sleep(1.0)
-        async with Flight(vehicle) as flight:
+        async with Flight(vehicle, **given) as flight:
             return await program(flight, vehicle)
 
     return run(main(), vehicle)
+
+
+Test = Callable[..., Coroutine[Any, Any, None]]
+
+
+def flying(options: Options = Options(), *, types: str = "px4_types", **given: Any) -> Callable[[Test], Any]:  # noqa: B008 - it is immutable
+    """Return a decorator of tests that fly, with the types of a fixture: they take a `flight`, and its `vehicle`."""
+
+    def decorated(test: Test) -> Any:
+        taken = dict(inspect.signature(test).parameters)
+        own = {name: taken.pop(name, None) for name in ("flight", "vehicle")}
+        fixtures = {types: inspect.Parameter(types, inspect.Parameter.KEYWORD_ONLY)} | taken
+
+        @functools.wraps(test)
+        def run_it(**found: Any) -> None:
+            async def program(flight: Flight, vehicle: Flown) -> None:
+                values = {"flight": flight, "vehicle": vehicle}
+                await test(**{name: each for name, each in values.items() if own[name]}, **{n: found[n] for n in taken})
+
+            fly(found[types], program, options, **given)
+
+        del run_it.__wrapped__  # otherwise, pytest sees the parameters of the test
+        kinds = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in fixtures.values()]
+        vars(run_it)["__signature__"] = inspect.Signature(kinds)
+        return run_it
+
+    return decorated
+
+
+flying_each = functools.partial(flying, types="types")
+"""The same in each release that has modes."""

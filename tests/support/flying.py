@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from queue import Empty, Queue
 from types import ModuleType
 from typing import Any
 
+from msggen.flight import LOCAL_POSITION, Executor, Mode
 from msggen.sim import Options, Simulator
 from support.repository import ROOT
 
@@ -26,6 +28,37 @@ QUICK = Options(sync="off")
 """A vehicle that connects at once."""
 CALM = QUICK._replace(rate=10.0)
 """One that publishes each topic often enough for a flight, which costs a quarter of what PX4 sends."""
+
+
+class Hop(Mode, name="Hop"):
+    """Flies 1.5 m to the north."""
+
+    requires = LOCAL_POSITION
+
+    async def fly(self) -> None:
+        await self.goto((await self.position()).shifted(1.5))
+
+
+class Hops(Executor):
+    """A whole flight."""
+
+    mode = Hop
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.end = asyncio.Event()
+
+    async def run(self) -> None:
+        try:
+            await self.takeoff(1.5)
+            self.done.append("takeoff")
+            await self.fly()
+            self.done.append("hop")
+            await self.land()
+            await self.wait_disarmed()
+            self.done.append("landed")
+        finally:
+            self.end.set()
 
 
 @contextmanager

@@ -25,11 +25,11 @@ from msggen.flight.missions.handler import (
     Handler,
     MissionError,
     Progress,
+    StateFile,
 )
 from msggen.flight.missions.legs import MissionMode
 from msggen.flight.missions.plan import ON_FAILURE, ON_RESUME, RESERVED, RESUMING, ActionItem, Plan, Waypoint
 from msggen.flight.missions.reading import parse_mission, read_mission
-from msggen.flight.missions.state import StateFile
 from msggen.flight.setpoints import check_seconds
 from msggen.flight.states import is_disarmed
 

@@ -16,8 +16,7 @@ from typing import Any
 import pytest
 
 from msggen.base.recording_formats import FORMATS
-from msggen.flight.pytest.flown import Answer, ModeChange, Place, Sent
-from msggen.flight.pytest.recording import Recording
+from msggen.flight.pytest.flown import Answer, ModeChange, Place, Recording, Sent
 from msggen.flight.pytest.vehicle import Airspace, SimVehicle
 from msggen.generate.cache import package_of
 from msggen.sim import Options

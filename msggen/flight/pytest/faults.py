@@ -7,44 +7,25 @@ import math
 import random
 from collections.abc import Callable
 from itertools import count
-from typing import NamedTuple, Protocol
 
 from msggen.flight.pytest.flown import mode_of
 from msggen.sim.faults import choose, read_fault
-from msggen.sim.world import World
+from msggen.sim.near import NearVehicle
 
 _REPLIES = ("arming_check_reply",)
 _BOOT = 2.0
 """The time in s that a restart takes."""
 
 
-class Vehicle(Protocol):
-    """A vehicle that has faults."""
-
-    world: World
-    time: int
-    """In us."""
-
-    def restart(self) -> None:
-        """Restart the vehicle."""
-
-
-class _Loss(NamedTuple):
-    """Messages that are lost."""
-
-    share: float
-    topics: tuple[str, ...]
-    """Empty: all topics."""
-
-
 class Faults:
     """Faults on request. `at` is the time in s since boot at which one begins, by default now; it lasts `seconds`."""
 
-    def __init__(self, vehicle: Vehicle, seed: str) -> None:
+    def __init__(self, vehicle: NearVehicle, seed: str) -> None:
         self._vehicle = vehicle
         self._random = random.Random(f"losses {seed}")  # noqa: S311 - not for secrets
-        self._losses: list[_Loss] = []
-        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._losses: list[tuple[float, tuple[str, ...]]] = []
+        """The shares of messages that are lost, of topics. Empty: all topics."""
+        self._due: list[tuple[int, int, Callable[[], object]]] = []
         self._numbers = count()
 
     # The link
@@ -60,7 +41,7 @@ class Faults:
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"expected a share from 0 to 1, got {share:g}")
-        loss = _Loss(share, topics)
+        loss = share, topics
         self._during(seconds, at, lambda: self._losses.append(loss), lambda: self._losses.remove(loss))
 
     def silence_program(self, seconds: float = math.inf, *, at: float | None = None) -> None:
@@ -125,29 +106,24 @@ class Faults:
 
     def loses(self, topic: str) -> bool:
         """Whether the next message of a topic is lost."""
-        matching = [each.share for each in self._losses if not each.topics or topic in each.topics]
+        matching = [share for share, topics in self._losses if not topics or topic in topics]
         return any(share >= 1.0 or self._random.random() < share for share in matching)
 
-    def _change(self, text: str) -> Callable[[], None]:
+    def _change(self, text: str) -> Callable[[], object]:
         """Return what lets a fault of `msggen sim` happen. Raises ValueError for another text."""
         change = read_fault(text).change
+        return lambda: change and change(self._vehicle.world)
 
-        def happen() -> None:
-            if change is not None:
-                change(self._vehicle.world)
-
-        return happen
-
-    def _during(self, seconds: float, at: float | None, begin: Callable[[], None], end: Callable[[], None]) -> None:
+    def _during(self, seconds: float, at: float | None, begin: Callable[[], object], end: Callable[[], object]) -> None:
         self._begin(at, begin)
         if math.isfinite(seconds):
             self._add(seconds + (self._vehicle.time / 1e6 if at is None else at), end)
 
-    def _begin(self, at: float | None, action: Callable[[], None]) -> None:
+    def _begin(self, at: float | None, action: Callable[[], object]) -> None:
         if at is None:
             action()
         else:
             self._add(at, action)
 
-    def _add(self, at: float, action: Callable[[], None]) -> None:
+    def _add(self, at: float, action: Callable[[], object]) -> None:
         heapq.heappush(self._due, (round(at * 1e6), next(self._numbers), action))

@@ -9,8 +9,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from msggen.flight.flight import Flight
 from msggen.flight.pytest.faults import Faults
-from msggen.flight.pytest.flown import Flown, Sent, mode_name
-from msggen.flight.pytest.recording import Recording
+from msggen.flight.pytest.flown import Flown, Recording, Sent, mode_name
 from msggen.flight.runners import CallerRunner
 from msggen.sim import Options
 from msggen.sim.loop import SimulatedLoop
