@@ -29,20 +29,13 @@ from support.repository import ROOT, shared
 SEPARATOR = "=" * 80 + "\nMSG: "
 
 
-NAMES = ["px4_msgs/msg/EscStatus", "px4_msgs/EscStatus", "px4_msgs::msg::dds_::EscStatus_"]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_recorded_type_has_a_class(name: str, px4_types: Any) -> None:
-    assert px4_types.by_type(name) is px4_types.EscStatus
-
-
 def test_every_type_is_found_by_its_names(px4_types: Any) -> None:
     classes = [getattr(px4_types.msg, name) for name in px4_types.msg.__all__]
     classes += [px4_types.srv.VehicleCommand.Request, px4_types.srv.VehicleCommand.Response]
     for cls in classes:
         assert px4_types.by_type(cls.__msg__.ros_type) is cls
         assert px4_types.by_type(cls.__msg__.dds_type) is cls
+    assert px4_types.by_type("px4_msgs/EscStatus") is px4_types.EscStatus
 
 
 @pytest.mark.parametrize(
