@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 pytest_plugins = ["support.flight_releases"]
 collect_ignore_glob = [] if CAN_SHARE else ["vehicle/owner/*"]  # Windows has no links that programs share
 
-# The duration of an example depends on the load of the machine. The usual run takes a third of the examples, always the
+# The duration of an example depends on the load of the machine. The usual run takes a fifth of the examples, always the
 # same ones, so that a change is judged by itself; the night takes others, and prints what repeats a failure.
 _HASTY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
-settings.register_profile("msggen", _HASTY, max_examples=ALL_EXAMPLES // 3, derandomize=True)
+settings.register_profile("msggen", _HASTY, max_examples=ALL_EXAMPLES // 5, derandomize=True)
 settings.register_profile("night", _HASTY, max_examples=ALL_EXAMPLES)
 settings.load_profile("msggen")
 

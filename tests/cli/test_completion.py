@@ -163,7 +163,7 @@ def proposed(line: str, folder: Path, tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.slow
-@by_day("line", CASES, 6)
+@by_day("line", CASES, 12)
 def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
     expected = CASES[line]
     line = line.replace("TYPES", str(TYPES))

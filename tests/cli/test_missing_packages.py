@@ -87,7 +87,7 @@ def without(package: str, code: str, folder: Path, *words: str) -> subprocess.Co
 
 
 @pytest.mark.slow  # a process each
-@by_day(("name", "package", "extra"), MISSING, 5)
+@by_day(("name", "package", "extra"), MISSING, 10)
 def test_a_command_names_what_is_not_installed(name: str, package: str, extra: str, here: Path) -> None:
     before = set(here.iterdir())
     done = without(package, CLI, here, *COMMANDS[name])

@@ -335,7 +335,7 @@ def test_the_version_is_shown(option: str, tmp_path: Path) -> None:
         ("", 2),
         ("build --help", 0),
     ],
-    3,
+    4,
 )
 def test_a_closed_or_full_stream_changes_no_exit_code_and_gives_no_trace(
     command: str, code: int, tmp_path: Path

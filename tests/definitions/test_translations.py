@@ -589,7 +589,7 @@ HOSTILE = {
 
 
 @pytest.mark.slow
-@by_day("kind", HOSTILE, 3)
+@by_day("kind", HOSTILE, 6)
 def test_no_header_hangs_or_fails(kind: str, tmp_path: Path) -> None:
     started = time.process_time()
     files = tree({"Lamp": ("uint8 x\n", "uint8 y\nuint8[20000] z\n")}, HOSTILE[kind])
@@ -851,7 +851,7 @@ def test_mypy_is_content_with_the_rules(typed: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.night  # by day, mypy is
 def test_pyright_is_content_with_the_rules(typed: Path) -> None:
     configuration = {"include": MODULES, "typeCheckingMode": "strict", "pythonVersion": "3.10"}
     (typed / "pyrightconfig.json").write_text(json.dumps(configuration))

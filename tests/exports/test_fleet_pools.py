@@ -84,9 +84,9 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow  # processes that start and are killed
+@pytest.mark.night  # by day, runs are interrupted in one process
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
-@pytest.mark.parametrize("number", [pytest.param(signal.SIGKILL, marks=pytest.mark.night), signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_interrupted_runs_leave_whole_files_and_the_next_one_goes_on(
     number: signal.Signals, tmp_path: Path, px4_types: Any
 ) -> None:

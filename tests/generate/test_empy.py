@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from msggen.base.diagnostics import CODES, Diagnostic, InputError
 from msggen.generate.text.empy import EmpyTemplate, importing_from
 from support.catalogs import write_definitions
-from support.examples import examples
+from support.examples import by_day, examples
 from support.px4_scripts import expand
 
 IS_EMPY_3 = em.__version__.startswith("3.")
@@ -265,9 +265,7 @@ def test_any_text_is_a_template_or_is_told(text: str) -> None:
         EmpyTemplate("some.em", text).expand(NAMES)
 
 
-@pytest.mark.parametrize(
-    "text", [*FRAGMENTS, "@'x'", "@wrap(x)[0].real.", "@[if x]@[end if]", "@[try]@[finally]@[end try]"]
-)
+@by_day("text", [*FRAGMENTS, "@'x'", "@wrap(x)[0].real.", "@[if x]@[end if]", "@[try]@[finally]@[end try]"], 3)
 def test_a_long_template_is_read_in_linear_time(text: str) -> None:
     EmpyTemplate("some.em", text * (100_000 // len(text)))  # within the limit of a test
 

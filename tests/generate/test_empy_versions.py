@@ -14,7 +14,6 @@ import em
 import pytest
 
 from msggen.sources.embedded import EMBEDDED
-from support.examples import by_day
 from support.programs import required
 from support.repository import ROOT
 
@@ -46,8 +45,8 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.slow
-@by_day("release", EMBEDDED, len(EMBEDDED))
+@pytest.mark.night
+@pytest.mark.parametrize("release", EMBEDDED)
 def test_all_templates_come_out_the_same_under_the_other_version(release: str, other: Path, tmp_path: Path) -> None:
     made = []
     for paths, start in (((), em.__version__), ((other,), START)):

@@ -73,7 +73,7 @@ COMPLETED = [
 ]
 
 
-@by_day(("code", "expected"), COMPLETED, 7, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
+@by_day(("code", "expected"), COMPLETED, 14, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
 def test_jedi_completes_the_package(code: str, expected: set[str]) -> None:
     assert expected <= completions(code)
 
@@ -102,7 +102,7 @@ def test_jedi_completes_only_names_that_exist() -> None:
         ("EscStatus.__msg__.definition", "ros2msg"),
         ("by_type", "Return the class of a recorded type"),
     ],
-    3,
+    7,
 )
 def test_jedi_shows_documentation(code: str, expected: str) -> None:
     assert expected in hover(IMPORT + code)

@@ -178,9 +178,8 @@ pose: Pose = ros.pose(same)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night  # by day, mypy checks other packages
 def test_type_checkers_know_the_types(package: Any, tmp_path: Path) -> None:
-    """Slow, because mypy reads numpy."""
     (tmp_path / "application.py").write_text(APPLICATION.format(name=package.__name__))
     done = mypy(tmp_path, "application.py", path=Path(package.__file__).parent.parent)
     assert done.returncode == 0, done.stdout + done.stderr

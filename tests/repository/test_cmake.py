@@ -249,9 +249,10 @@ def test_the_page_installs_a_package_without_the_records_of_msggen(tmp_path: Pat
 
 @pytest.mark.slow
 @pytest.mark.tools("cmake", "ninja")
-@pytest.mark.parametrize(
+@by_day(
     ("arguments", "told"),
     [("PX5 px4", "PX5;px4"), ("MSG_DIRS msg PX4", "PX4"), ("PX4 nowhere", "S101 no such folder")],
+    2,
 )
 def test_a_wrong_call_stops_the_configuration(arguments: str, told: str, tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")
@@ -342,7 +343,7 @@ def test_an_error_in_a_template_stops_the_build_and_ends_its_output(rendered: Pr
 
 @pytest.mark.slow
 @pytest.mark.tools("cmake", "ninja")
-@pytest.mark.parametrize(
+@by_day(
     ("arguments", "told"),
     [
         ("TEMPLATE a.j2", "msggen_render: OUTPUT is missing"),
@@ -351,6 +352,7 @@ def test_an_error_in_a_template_stops_the_build_and_ends_its_output(rendered: Pr
         ("TEMPLATE a.j2 OUTPUT include MSG_DIRS msg EACH mesage", "did you mean 'message'"),
         ("TEMPLATE templates/a.j2 OUTPUT include MSG_DIRS msg", "T102 cannot read the template"),
     ],
+    3,
 )
 def test_a_wrong_call_of_msggen_render_stops_the_configuration(arguments: str, told: str, tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")

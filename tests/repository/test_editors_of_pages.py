@@ -181,7 +181,7 @@ COMPLETED: list[tuple[str, Collection[str]]] = [
 IDS = [code.replace("\n", " ") for code, _ in COMPLETED]
 
 
-@by_day(("code", "expected"), COMPLETED, 3, ids=IDS)
+@by_day(("code", "expected"), COMPLETED, 8, ids=IDS)
 def test_jedi_completes_programs(code: str, expected: set[str]) -> None:
     assert expected <= completed(HEAD + code)
 

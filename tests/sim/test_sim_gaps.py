@@ -91,7 +91,7 @@ def replayed(case: Case, package: Any) -> Replay:
     return replay
 
 
-@by_day("case", CASES, 2, ids=[case.name for case in CASES])
+@by_day("case", CASES, 6, ids=[case.name for case in CASES])
 def test_the_client_does_what_px4_did_in_a_gap(case: Case, px4_types: Any) -> None:
     replay = replayed(case, px4_types)
     assert replay.ours() == replay.theirs(), [row for row, cases in ROWS.items() if case in cases]

@@ -29,7 +29,7 @@ from msggen.sim.commander.states import BY_FAILSAFE
 from msggen.sim.flight import GRAVITY, NAN, ZERO
 from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wings import MAX_LATERAL, Wings
-from support.examples import examples
+from support.examples import by_day, examples
 from support.sim_world import (
     ARM,
     ATTITUDE,
@@ -117,7 +117,7 @@ def test_a_plane_is_never_disarmed_before_takeoff() -> None:
     assert pilot.world.is_armed
 
 
-@pytest.mark.parametrize("mode", [LAND, DESCEND])
+@by_day("mode", [DESCEND, LAND], 2)
 def test_a_plane_comes_down_rolls_out_and_is_disarmed(mode: int) -> None:
     pilot = flying()
     if mode == DESCEND:
@@ -250,7 +250,7 @@ def test_the_limits_of_a_takeoff_are_kept_until_others_are_sent() -> None:
     assert -program.world.flight.velocity[2] == pytest.approx(-1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("course", "airspeed"), [(0.0, 17.0), (math.pi / 2, 15.0), (math.pi, 15.0)])
+@by_day(("course", "airspeed"), [(0.0, 17.0), (math.pi / 2, 15.0), (math.pi, 15.0)], 3)
 def test_a_course_against_the_wind_raises_the_airspeed(course: float, airspeed: float) -> None:
     """FW_GND_SPD_MIN of v1.17, for courses only: fw_lateral_longitudinal_control, getMinAirspeedForCurrentBearing."""
     program = flying(wind=12.0)
@@ -490,7 +490,7 @@ def test_a_transition_at_once_is_a_quad_chute() -> None:
     assert pilot.command(VTOL_TRANSITION, FORWARD) in {ACCEPTED, TEMPORARILY_REJECTED}
 
 
-@pytest.mark.parametrize("mode", [LAND, RETURN])
+@by_day("mode", [RETURN, LAND], 2)
 def test_landing_from_forward_flight_goes_back_by_itself(mode: int) -> None:
     pilot = flying("vtol")
     pilot.command(VTOL_TRANSITION, FORWARD)
