@@ -12,6 +12,7 @@ from msggen.analysis.finding import Unsaid
 from msggen.analysis.recorded import Column, Recorded
 from msggen.analysis.sampling import Spans, flown
 from msggen.recordings.columns.annotations import annotation_of
+from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -102,7 +103,7 @@ class Thrust(NamedTuple):
     def hover(self) -> float:
         """The median of the estimates, or else the parameter."""
         known = self.estimates[np.isfinite(self.estimates)]
-        return float(np.median(known)) if len(known) else self.parameter
+        return median(known) if len(known) else self.parameter
 
     @property
     def share_above(self) -> float:
