@@ -36,10 +36,11 @@ _UNITS: Mapping[str, str] = MappingProxyType(
         "flow": "rad/s",
         "drag": "m/s^2",
         "gravity": "",
-        "mag": "Ga",
+        "mag": "Gauss",
     }
 )
-"""The units of innovations by the last word of their source, "" for a direction: PX4 gives all of one type."""
+"""The units of innovations by the last word of their source, "" for a direction. One message is of many sources, so
+definitions do not tell them."""
 _INNOVATIONS, _RATIOS = "estimator_innovations", "estimator_innovation_test_ratios"
 
 TOPICS = frozenset(

@@ -23,5 +23,10 @@ def test_they_return_what_numpy_does(values: Any) -> None:
     np.testing.assert_allclose(percentiles(with_nan, (5, 95)), np.nanpercentile(with_nan, (5, 95)), atol=1e-6)
 
 
+def test_without_numbers_they_are_not_known() -> None:
+    assert np.isnan(median(np.zeros(0)))
+    assert np.isnan(percentiles(np.array([np.nan]), (5, 95))).all()
+
+
 def test_nan_is_one_value() -> None:
     np.testing.assert_array_equal(distinct(np.array([np.nan, 1.0, np.nan])), [1.0, np.nan])

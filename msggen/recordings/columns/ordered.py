@@ -18,13 +18,17 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def median(values: NDArray[Any]) -> float:
-    """Return the median of numbers, of which there is at least one."""
+    """Return the median, NaN without values."""
+    if not len(values):
+        return np.nan
     middle = [(len(values) - 1) // 2, len(values) // 2]
     return float(np.partition(values, middle)[middle].mean())
 
 
 def percentiles(values: NDArray[Any], percents: Sequence[float]) -> NDArray[np.float64]:
-    """Return the values below which some percents of all numbers are, interpolated. At least one must be a number."""
+    """Return the values below which some percents of all numbers are, interpolated; NaN if there are no numbers."""
     numbers = np.sort(values[~np.isnan(values)])
+    if not len(numbers):
+        return np.full(len(percents), np.nan)
     places = np.asarray(percents) * ((len(numbers) - 1) / 100)
     return np.asarray(np.interp(places, np.arange(len(numbers)), numbers), np.float64)
