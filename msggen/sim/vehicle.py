@@ -376,16 +376,9 @@ def world_of(package: ModuleType, options: Options) -> World:
 def restarted(before: World, package: ModuleType, options: Options) -> World:
     """Return the world of a vehicle that restarts at home. Only its clock and the slots of modes stay."""
     found = world_of(package, options)
-    for name in (
-        "time",
-        "battery",
-        "has_gps",
-        "has_position",
-        "has_sticks",
-        "has_ground_station",
-        "is_compass_disturbed",
-    ):
+    for name in ("time", "battery", "has_gps", "has_position", "has_sticks", "has_ground_station"):
         setattr(found, name, getattr(before, name))
+    found.is_compass_disturbed = before.is_compass_disturbed
     found.has_position &= found.has_gps and found.external.uses_gps
     found.has_origin &= found.has_position
     found.commander.components = before.commander.components
