@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.recordings.columns.ordered import median
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -50,7 +52,7 @@ def _back(topic: Topic, start: int) -> list[Jump]:
 
 def _silent(topics: list[Topic], most: Topic, start: int) -> list[Jump]:
     steps = np.diff(_seconds(most.times, start))
-    limit = max(GAP, _USUAL * float(np.median(steps))) if len(steps) else GAP
+    limit = max(GAP, _USUAL * median(steps)) if len(steps) else GAP
     if not (steps > limit).any():
         return []
     times = np.sort(np.concatenate([_seconds(each.times, start) for each in topics]))

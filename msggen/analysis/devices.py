@@ -11,6 +11,7 @@ import numpy as np
 
 from msggen.analysis.recorded import Recorded
 from msggen.messages.devices import device_id
+from msggen.recordings.columns.ordered import distinct
 
 _INFORMATION = "device_information"
 _FIELDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -92,7 +93,7 @@ def _numbers(recorded: Recorded, path: str) -> Iterator[int]:
     for instance in recorded.instances(topic):
         column = recorded.column(topic, field, instance)
         if column is not None:
-            yield from (int(each) for each in np.unique(column.finite)[: _MOST + 1] if 0 < each < 1 << 32)
+            yield from (int(each) for each in distinct(column.finite)[: _MOST + 1] if 0 < each < 1 << 32)
 
 
 def _calibrations(parameters: Mapping[str, int | float]) -> dict[str, dict[int, str]]:

@@ -12,6 +12,7 @@ import numpy as np
 from msggen.analysis.figures import Track, track_of
 from msggen.analysis.recorded import Column, Recorded, spans
 from msggen.analysis.timeline import TOPICS, Timeline, timeline_of
+from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -196,7 +197,7 @@ class Flight:
         others = self.recorded.column("vehicle_status", "arming_state")
         if others is None or len(column.times) < 2:  # noqa: PLR2004 - an interval
             return ()
-        limit = max(_SILENT, _INTERVALS * float(np.median(np.diff(column.times))))
+        limit = max(_SILENT, _INTERVALS * median(np.diff(column.times)))
         since = common(((float(column.times[0]), self.duration),), self.recorded.armed)
         return tuple(each for each in self.gaps(column, limit, since) if not self.gaps(others, _SILENT, (each,)))
 

@@ -12,6 +12,7 @@ from msggen.analysis.finding import Unsaid
 from msggen.analysis.recorded import Column, Recorded
 from msggen.analysis.sampling import Spans, flown
 from msggen.recordings.columns.annotations import annotation_of
+from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,10 +36,11 @@ _UNITS: Mapping[str, str] = MappingProxyType(
         "flow": "rad/s",
         "drag": "m/s^2",
         "gravity": "",
-        "mag": "Ga",
+        "mag": "Gauss",
     }
 )
-"""The units of innovations by the last word of their source, "" for a direction: PX4 gives all of one type."""
+"""The units of innovations by the last word of their source, "" for a direction. One message is of many sources, so
+definitions do not tell them."""
 _INNOVATIONS, _RATIOS = "estimator_innovations", "estimator_innovation_test_ratios"
 
 TOPICS = frozenset(
@@ -102,7 +104,7 @@ class Thrust(NamedTuple):
     def hover(self) -> float:
         """The median of the estimates, or else the parameter."""
         known = self.estimates[np.isfinite(self.estimates)]
-        return float(np.median(known)) if len(known) else self.parameter
+        return median(known) if len(known) else self.parameter
 
     @property
     def share_above(self) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 from msggen.definitions.unit import normalized_unit
 from msggen.messages.nav_states import ARMED
 from msggen.recordings.columns.annotations import annotation_of
+from msggen.recordings.columns.ordered import percentiles
 from msggen.recordings.log.series import Series
 from msggen.recordings.source.source import RecordingError
 
@@ -112,6 +113,10 @@ class Column(NamedTuple):
         return self._replace(values=np.where(self.values >= least, self.values, np.nan))
 
 
+_KEPT = 50_000
+"""The samples of a column that is kept: 0.8 MB."""
+
+
 class Recorded:
     """The topics of one vehicle, and the samples of those whose names `is_needed` takes."""
 
@@ -124,6 +129,8 @@ class Recorded:
         chosen = [topic for instances in self.topics.values() for topic in instances.values()]
         self._loaded: Mapping[Any, Samples] = log.load(chosen) if chosen else {}
         self._clocks: dict[tuple[str, int], NDArray[np.float64] | None] = {}
+        self._columns: dict[tuple[str, str, int], Column | None] = {}
+        """Those that are short enough to be kept: rules and charts ask for most of them again."""
 
     def __contains__(self, name: str) -> bool:
         """Whether a topic has samples that were read."""
@@ -141,6 +148,15 @@ class Recorded:
 
     def column(self, name: str, field: str, instance: int = 0) -> Column | None:
         """Return a field such as `control[0]` or `esc[1].esc_rpm`, None if the recording does not have it."""
+        key = name, field, instance
+        if key in self._columns:
+            return self._columns[key]
+        found = self._column(*key)
+        if found is None or len(found.times) <= _KEPT:
+            self._columns[key] = found
+        return found
+
+    def _column(self, name: str, field: str, instance: int) -> Column | None:
         samples = self.samples(name, instance)
         found = None if samples is None else _values(samples.array, field)
         if samples is None or found is None:
@@ -177,7 +193,7 @@ class Recorded:
         own = [each / 1e6 for each in stamps if each is not None and _is_clock(each)]
         if samples is None or not own:
             return None
-        return own[0] + float(np.percentile(self._seconds(samples) - own[-1], _LATENCY))
+        return own[0] + float(percentiles(self._seconds(samples) - own[-1], [_LATENCY])[0])
 
     def while_armed(self, name: str, field: str, instance: int = 0, valid: str = "") -> Column | None:
         """Return a field while the vehicle was armed, NaN where the flag `valid` is not set. None without a number."""

@@ -194,7 +194,8 @@ def response_of(loop: Loop, setpoint: Column, measured: Column, spans: Spans) ->
         )
     rate = min(loop.rate, 1 / intervals[1])
     taps, rows = round(loop.seconds * rate), round(loop.window * rate)
-    shared = common(common(_stretches(setpoint), _stretches(measured)), spans)
+    stretches = [_stretches(*each) for each in zip((setpoint, measured), intervals, strict=True)]
+    shared = common(common(*stretches), spans)
     found = list(_windows(setpoint, measured, shared, (rate, taps, rows)))
     if not found:
         return Response(loop, f"no {loop.window:.0f} s of flight without a gap has samples of both")
@@ -220,8 +221,8 @@ def _usable(column: Column) -> Column:
     return column._replace(times=column.times[mask], values=column.values[mask])
 
 
-def _stretches(column: Column) -> Spans:
-    found = runs(column.times, _GAP * usual_interval(column.times), 2)
+def _stretches(column: Column, interval: float) -> Spans:
+    found = runs(column.times, _GAP * interval, 2)
     return tuple((float(column.times[begin]), float(column.times[end - 1])) for begin, end in found)
 
 

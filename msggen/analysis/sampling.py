@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.analysis.recorded import spans
+from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +23,7 @@ def usual_interval(times: NDArray[np.float64]) -> float:
     """Return the median of the intervals in s that are no steps back, infinite without any."""
     intervals = np.diff(times)
     intervals = intervals[intervals > 0]
-    return float(np.median(intervals)) if len(intervals) else np.inf
+    return median(intervals) if len(intervals) else np.inf
 
 
 def runs(times: NDArray[np.float64], longest: float, fewest: int) -> list[tuple[int, int]]:

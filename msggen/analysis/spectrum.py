@@ -15,6 +15,7 @@ from msggen.analysis.finding import Unsaid
 from msggen.analysis.motion import GYRO, LARGEST, Motion, Sensor
 from msggen.analysis.recorded import Recorded
 from msggen.analysis.sampling import flown
+from msggen.recordings.columns.ordered import median, percentiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,7 +76,7 @@ class Spectrum(NamedTuple):
         power = self.density[axis] * self.frequencies[1]
         top = int(np.argmax(np.where(self.frequencies >= _FLYING, power, 0.0)))
         around = power[max(top - _AROUND, 0) : top + _AROUND + 1]
-        if not power[top] > _TONE * float(np.median(around)):
+        if not power[top] > _TONE * median(around):
             return np.nan, np.nan
         lobe = slice(max(top - _WIDTH, 0), top + _WIDTH + 1)
         whole = float(power[lobe].sum())
@@ -112,7 +113,7 @@ class Spectrogram(NamedTuple):
     @property
     def range(self) -> tuple[float, float]:
         """The densities in dB between which colours differ."""
-        low, high = np.nanpercentile(self.decibels, (_QUIETEST, _LOUDEST)).tolist()
+        low, high = percentiles(self.decibels, (_QUIETEST, _LOUDEST)).tolist()
         return low, max(high, low + 1.0)
 
 
@@ -225,5 +226,5 @@ def _turns(recorded: Recorded) -> tuple[float, float] | None:
     every = np.concatenate(found) if found else np.zeros(0)
     if not len(every):
         return None
-    low, high = np.percentile(every, (5, 95)).tolist()
+    low, high = percentiles(every, (5, 95)).tolist()
     return low, high

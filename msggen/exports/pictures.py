@@ -19,6 +19,7 @@ from msggen.analysis.of_logs import (
     step_responses,
 )
 from msggen.base.missing import installed_by
+from msggen.recordings.columns.ordered import median
 from msggen.recordings.log.plot import DPI, LITERAL, WIDTH, draw_modes
 from msggen.recordings.log.series import read_modes, shown
 from msggen.recordings.log.thinning import thinned
@@ -318,7 +319,7 @@ def _innovation(found: Innovation) -> Callable[[Axes], None]:
             _line(axes, found.times[kept], sign * found.gate[kept], color="C3", ls="--")
         _line(axes, found.times, found.values, color="C0")
         high = float(np.nanmax(np.abs(found.values)))
-        middle = float(np.median(found.gate[kept])) if kept.any() else high
+        middle = median(found.gate[kept]) if kept.any() else high
         axes.set_ylim(-1.2 * max(high, middle), 1.2 * max(high, middle))
         axes.set_ylabel(f"{found.label}{f' [{found.unit}]' if found.unit else ''}", fontsize="small")
 

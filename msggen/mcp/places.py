@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from itertools import chain
 from pathlib import Path
@@ -32,7 +32,8 @@ class Places:
             if self._has_address(path):
                 return path
         else:
-            inside = [each for each in (_real(folder / path) for folder in self._folders) if self._is_inside(each)]
+            tried = [folder / path for folder in self._folders]
+            inside = [each for each in map(_real, tried) if self._is_inside(each)]
             found = next(filter(os.path.exists, inside), None)
             if found is not None:
                 return found
@@ -41,6 +42,8 @@ class Places:
                 raise input_error(path, "R102", f"cannot be read: there is no such file{hint}", 0)
         shown = few([*map(str, self._folders), *map(shown_address, self._addresses)])
         text = f"only what is below {shown} is read" if shown else "nothing is read: name folders, `msggen mcp FOLDER`"
+        link = "" if is_address(path) else next(filter(None, map(self._link_out_of, tried)), "")
+        text += f": {link!r} is a link that leads elsewhere" if link else ""
         raise input_error(shown_address(path), "R102", text, 0)
 
     def recordings(self, pattern: str) -> Iterator[str]:
@@ -54,11 +57,21 @@ class Places:
 
     def _is_inside(self, path: str) -> bool:
         """Whether a path without links is below a folder that is named, with all that is read with it."""
-        if not self._is_below(path):
-            return False
-        below = (os.path.join(folder, name) for folder, *found in os.walk(path) for name in chain(*found))
-        beside = (path + ending for ending in LOGS)
-        return all(self._is_below(_real(each)) for each in chain(below, beside) if os.path.islink(each))
+        return self._is_below(path) and not self._leads_out(_with(path))
+
+    def _leads_out(self, paths: Iterable[str]) -> str:
+        """Return the first path that is a link to what may not be read, "" if there is none."""
+        return next((each for each in paths if os.path.islink(each) and not self._is_below(_real(each))), "")
+
+    def _link_out_of(self, path: Path) -> str:
+        """Return the link because of which a path below a folder that is named may not be read, "" if there is none.
+
+        Only the path of the link is told: not where it leads, nor whether something is there.
+        """
+        above = [str(each) for each in (*reversed(path.parents), path) if self._is_below(str(each))]
+        if not above or not _real(path) or ".." in path.parts:
+            return ""
+        return self._leads_out(chain(above, _with(str(path))))
 
     def _is_below(self, path: str) -> bool:
         return any(Path(path).is_relative_to(folder) for folder in self._folders)
@@ -72,6 +85,12 @@ class Places:
             if path == place or (rest != path and is_plain):
                 return True
         return False
+
+
+def _with(path: str) -> Iterator[str]:
+    """Yield what is read with a path: what is below and beside it."""
+    below = (os.path.join(folder, name) for folder, *found in os.walk(path) for name in chain(*found))
+    return chain(below, (path + ending for ending in LOGS))
 
 
 def _real(path: str | Path) -> str:

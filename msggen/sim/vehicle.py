@@ -378,6 +378,7 @@ def restarted(before: World, package: ModuleType, options: Options) -> World:
     found = world_of(package, options)
     for name in ("time", "battery", "has_gps", "has_position", "has_sticks", "has_ground_station"):
         setattr(found, name, getattr(before, name))
+    found.is_compass_disturbed = before.is_compass_disturbed
     found.has_position &= found.has_gps and found.external.uses_gps
     found.has_origin &= found.has_position
     found.commander.components = before.commander.components

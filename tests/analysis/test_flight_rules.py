@@ -729,7 +729,7 @@ def test_nothing_is_found_in_a_quiet_flight_of_px4(tmp_path: Path) -> None:
     ("fault", "rules"),
     [
         ("20:no-gps", {"GPS_FIX_LOST", "IN_FAILSAFE", "OFFBOARD_LOST"}),
-        ("20:battery=0.04", {"BATTERY_LOW"}),
+        ("20:battery=0.04", {"BATTERY_LOW", "BATTERY_SAG"}),
         ("20:disturbed-compass", {"MAG_DISTURBED"}),
         ("20:weak-battery", {"BATTERY_SAG"}),
     ],

@@ -6,6 +6,7 @@ import asyncio
 import base64
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any, get_args
 
@@ -278,6 +279,25 @@ def test_nothing_outside_is_read(tmp_path: Path, outside: Path, path: str) -> No
     assert f"R102 only what is below {own} is read" in found or "there is no such file" in found
     assert "is below" in found or not os.path.lexists(os.path.join(own, path))
     assert told(server(own), "recordings")["recordings"] == []
+
+
+@pytest.mark.parametrize(
+    ("path", "link"),
+    [
+        (".", "a.db3-wal"),
+        ("", "a.db3-wal"),
+        ("bag", "bag/bag_0.mcap"),
+        ("folder/flight.mcap", "folder"),
+        ("link.mcap", "link.mcap"),
+    ],
+)
+def test_a_link_that_leads_elsewhere_is_named(tmp_path: Path, outside: Path, path: str, link: str) -> None:
+    own = tmp_path / "inner"
+    found = error(server(str(own)), "log_info", path=path)
+    named = re.search(r"R102 only what is below \S+ is read: '(.+)' is a link that leads elsewhere", found)
+    assert named
+    assert named[1] == str(own / link) or (path in {".", ""} and Path(named[1]).is_symlink())
+    assert str(outside) not in found
 
 
 def test_links_within_and_files_that_are_named_are_read(tmp_path: Path, here: Path) -> None:

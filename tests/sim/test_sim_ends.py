@@ -63,6 +63,12 @@ def flying(kind: str) -> World:
     return copy.deepcopy(_flying(kind)).world
 
 
+def happen(world: World, fault: str) -> None:
+    change = read_fault(fault).change
+    assert change is not None
+    change(world)
+
+
 def ends(world: World, seconds: float) -> bool:
     """Let time pass until the vehicle is disarmed, and return whether it is, on the ground."""
     end = world.time + round(seconds * 1e6)
@@ -74,11 +80,11 @@ def ends(world: World, seconds: float) -> bool:
 @by_day(("kind", "action", "known"), WAYS, 2 * len(KINDS) + 1)
 def test_what_px4_falls_back_to_ends_or_says_why_not(kind: str, action: Action, known: bool) -> None:  # noqa: FBT001 - a row
     world = flying(kind)
-    read_fault("sticks").change(world)
+    happen(world, "sticks")
     world.advance(world.time + 200_000)
     assert world.commander.select(MODES[action]) == ACCEPTED
     if not known:
-        read_fault("no-position").change(world)
+        happen(world, "no-position")
     is_endless = any((kind, action, known) in each for each in ENDLESS.values())
     assert ends(world, ENOUGH if is_endless else LONGEST) is not is_endless
     assert world.flight.is_on_ground or action in {*_PILOTS, Action.HOLD, Action.RETURN}
@@ -89,7 +95,7 @@ def test_what_px4_falls_back_to_ends_or_says_why_not(kind: str, action: Action, 
 def test_a_flight_ends_after_each_fault(kind: str, fault: str) -> None:
     """Ten seconds later, the pilot lets the vehicle return, or a plane land. If that is refused, it descends."""
     world = flying(kind)
-    read_fault(fault).change(world)
+    happen(world, fault)
     world.advance(world.time + 10_000_000)
     if world.is_armed:
         world.commander.select(LAND if kind == "plane" else RETURN)

@@ -37,6 +37,7 @@ READING = {
     "msggen.recordings.files.stored",
     "msggen.recordings.log.events",
     "msggen.recordings.log.payloads",
+    "numpy.ma",
     "numpy.typing",
     "pyarrow",
     "queue",

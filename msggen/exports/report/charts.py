@@ -19,6 +19,7 @@ from msggen.base.diagnostics import few
 from msggen.exports.report.analysed import Axis, Image, analysed
 from msggen.exports.report.drawing import MOST as MOST_OF_TRACK
 from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
+from msggen.recordings.columns.ordered import median
 from msggen.recordings.log.thinning import MOST, spread, thinned_lines
 
 if TYPE_CHECKING:
@@ -254,7 +255,7 @@ def ends_of(lines: Sequence[Line], kept: NDArray[np.intp]) -> NDArray[np.intp]:
     times = lines[0].column.times
     intervals = np.diff(times)
     if len(intervals) and not lines[0].column.is_held:
-        gaps = np.flatnonzero(intervals > max(_GAP, _USUAL * float(np.median(intervals))))
+        gaps = np.flatnonzero(intervals > max(_GAP, _USUAL * median(intervals)))
         is_end |= np.searchsorted(gaps, kept[1:]) > np.searchsorted(gaps, kept[:-1])
     for line in lines:
         if line.column.unit == "deg":

@@ -9,6 +9,7 @@ import numpy as np
 
 from msggen.base.recording_formats import FORMATS
 from msggen.messages.gps import HAS_FIX
+from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -104,5 +105,5 @@ def gps_offset_of(topics: Sequence[Topic], samples_of: Callable[[Topic], Samples
         if "fix_type" in names and (is_known & (rows["fix_type"] >= HAS_FIX)).any():
             is_known &= rows["fix_type"] >= HAS_FIX
         if is_known.any():
-            return int(np.median(utc[is_known] - samples.log_times[is_known] // 1000)) * 1000
+            return int(median(utc[is_known] - samples.log_times[is_known] // 1000)) * 1000
     return None

@@ -14,6 +14,7 @@ from msggen.base.diagnostics import few, printable, shortened, suggestion
 from msggen.messages.nav_states import HOLD, MODE_CONSTANTS, mode_title
 from msggen.recordings.columns.annotations import Annotation, annotation_of
 from msggen.recordings.columns.arrays import names_of
+from msggen.recordings.columns.ordered import distinct, median
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import listed
 
@@ -73,7 +74,7 @@ class Series:
         """Whether the values have names, and are few."""
         if self.values.dtype == bool or self.annotation.is_flags:
             return True
-        return bool(self.annotation.members) and len(np.unique(self.values)) <= _MOST_BANDS
+        return bool(self.annotation.members) and len(distinct(self.values)) <= _MOST_BANDS
 
     @property
     def name_in_legend(self) -> str:
@@ -108,7 +109,7 @@ class Series:
             found = [(name, flags & bit == bit) for bit, name in self._bits.items()]
             found.append((names.get(0, "none"), self.values == 0))
         else:
-            found = [(names.get(int(each), str(each)), self.values == each) for each in np.unique(self.values)]
+            found = [(names.get(int(each), str(each)), self.values == each) for each in distinct(self.values)]
         return tuple(Band(name, self._spans(mask)) for name, mask in found if mask.any())
 
     @property
@@ -174,7 +175,7 @@ def drawn(about: Annotation) -> Annotation:
 def _end_of(series: Series, stop: float | None) -> float:
     """Return until when the last value lasts: for the median interval. Samples long before the start do not count."""
     times = series.times if series.end < 0 else series.since(0.0).times
-    usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    usual = median(np.diff(times)) if len(times) > 1 else 0.0
     return min(float(times[-1]) + usual, inf if stop is None else stop)
 
 
@@ -184,7 +185,7 @@ def read_modes(log: Log, *, start: float | None = None, stop: float | None = Non
         modes = read_series(log, [".".join(MODES)], start=start, stop=stop)[0]
     except RecordingError:
         return None
-    numbered = {value: mode_title(str(value)) for value in np.unique(modes.values).tolist()}
+    numbered = {value: mode_title(str(value)) for value in distinct(modes.values).tolist()}
     about = modes.annotation._replace(members={**numbered, **modes.annotation.members})
     return replace(modes, annotation=about, end=max(modes.end, _end_of(modes, stop)))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from msggen.base.diagnostics import counted
 from msggen.recordings.columns.arrays import columns_of
+from msggen.recordings.columns.ordered import median
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -195,7 +196,7 @@ def _by_signals(first: Samples, second: Samples) -> Offset | None:
 
 def _step_of(first: Samples, second: Samples) -> int:
     """Return the interval of signals in ns: that of the faster recording, or longer for long recordings."""
-    intervals = [float(np.median(np.diff(each.log_times))) for each in (first, second)]
+    intervals = [median(np.diff(each.log_times)) for each in (first, second)]
     length = max(int(each.log_times[-1] - each.log_times[0]) for each in (first, second))
     return max(round(min(intervals)), length // _MOST_STEPS, 1)
 

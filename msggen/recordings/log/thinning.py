@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msggen.recordings.columns.ordered import distinct
 from msggen.recordings.log.series import PIXELS
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def thinned_lines(
     )
     starts = _starts(places)
     kept = [np.array([0, count - 1]), *(extremes for line in lines for extremes in _extremes(line, starts))]
-    return np.unique(np.concatenate(kept))
+    return distinct(np.concatenate(kept))
 
 
 def thinned(times: NDArray[np.float64], values: NDArray[Any], pixels: int = PIXELS) -> NDArray[np.intp]:
@@ -50,7 +51,7 @@ def thinned(times: NDArray[np.float64], values: NDArray[Any], pixels: int = PIXE
     if count <= 4 * pixels or times[-1] <= times[0]:
         return np.arange(count)
     starts = _starts(((times - times[0]) * ((pixels - 1) / (times[-1] - times[0]))).astype(np.intp))
-    return np.unique(np.concatenate([starts, np.append(starts[1:], count) - 1, *_extremes(values, starts)]))
+    return distinct(np.concatenate([starts, np.append(starts[1:], count) - 1, *_extremes(values, starts)]))
 
 
 def _starts(places: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -81,4 +82,4 @@ def spread(times: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     """Return the indices of at most `most` samples, in order, about as long after each other; all if they are few."""
     if len(times) <= most:
         return np.arange(len(times))
-    return np.unique(np.searchsorted(times, np.linspace(times[0], times[-1], most)))
+    return distinct(np.searchsorted(times, np.linspace(times[0], times[-1], most)))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.messages.names import stem_of
+from msggen.recordings.columns.ordered import median
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ class Topic:
         positive = intervals[intervals > 0]
         if not len(positive):
             return []
-        before = np.flatnonzero(intervals > _GAP * np.median(positive))
+        before = np.flatnonzero(intervals > _GAP * median(positive))
         return [(int(self.times[index]), int(self.times[index + 1])) for index in before]
 
     @property
