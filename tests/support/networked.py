@@ -46,13 +46,21 @@ def carried(owner: UdpLink, router: int, *types: ModuleType) -> Iterator[tuple[S
 
 @contextmanager
 def networked(
-    types: ModuleType, options: Sequence[Options] = (CALM,), *, port: int = 0, speed: float = 1.0
+    px4: ModuleType,
+    options: Sequence[Options] = (CALM,),
+    *,
+    port: int = 0,
+    speed: float = 1.0,
+    types: ModuleType | None = None,
 ) -> Iterator[Networked]:
-    """Simulate vehicles over UDP, and carry them to the router at a port, or to one at a port of its own."""
+    """Simulate vehicles over UDP, and carry them to the router at a port, or to one at a port of its own.
+
+    `types` has the definitions that the owner knows, by default those of the vehicles.
+    """
     port = port or free_port()
     link = UdpLink(port=0)
     with (
-        carried(link, port, types) as (server, network),
-        Simulator(types, f"udp://127.0.0.1:{link.port}", options, speed=speed) as simulator,
+        carried(link, port, types or px4) as (server, network),
+        Simulator(px4, f"udp://127.0.0.1:{link.port}", options, speed=speed) as simulator,
     ):
         yield Networked(f"zenoh://127.0.0.1:{port}", simulator, server, network)
