@@ -322,12 +322,17 @@ READ = COMMAND._replace(name="/uav_1/fmu/in/vehicle_command")
 SPACE = "0/fmu/out/**"
 
 
+def tokens_of(zid: str, node: str) -> list[str]:
+    """Return the tokens of a node that carries a vehicle."""
+    return [str(Token(0, zid, "MS", node, READ)), str(Token(0, zid, "MP", node, CARRIED))]
+
+
 class Carrier:
     """A process of msggen that carries a vehicle with the key 7."""
 
     def __init__(self, space: Space, zid: str = ZID) -> None:
         self.space, self.zid = space, zid
-        self.tokens = [str(Token(0, zid, kind, "msggen_7", key)) for kind, key in (("MS", READ), ("MP", CARRIED))]
+        self.tokens = tokens_of(zid, "msggen_7")
         for text in self.tokens:
             space.vehicles.token(text, space.now, is_alive=True)
 
@@ -411,7 +416,7 @@ def test_samples_and_beats_of_others_are_not_those_of_a_carried_vehicle(space: S
 
 def test_two_carriers_of_one_namespace_get_no_message_meant_for_the_other(space: Space) -> None:
     Carrier(space).beat()
-    for text in (str(Token(0, "0b" * 16, kind, "msggen_8", key)) for kind, key in (("MS", READ), ("MP", CARRIED))):
+    for text in tokens_of("0b" * 16, "msggen_8"):
         space.vehicles.token(text, space.now, is_alive=True)
     with pytest.raises(LinkError, match="2 vehicles read /uav_1/fmu/in/vehicle_command"):
         space.vehicles.key_to(space.remote, space.all(Opened)[0].route, space.now)
