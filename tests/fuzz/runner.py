@@ -50,6 +50,7 @@ NAMES = (
     "editors",
     "missions",
     "zenoh",
+    "networks",
     "motions",
     "findings",
 )

@@ -12,7 +12,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 from msggen.link.link import Connected, Disconnected, Event, Lost, Opened, Sample
-from msggen.link.rmw_zenoh.names import Attachment, Token
+from msggen.link.rmw_zenoh.names import Attachment, Token, beat_of, gid_of
 from msggen.link.rmw_zenoh.vehicles import Vehicles
 from support.zenoh_space import COMMAND, GUID, OTHER, STATUS, ZID, definition, token_of
 
@@ -38,6 +38,8 @@ PIECES = (
     "0",
 )
 OWN = b"\0\1\0\0" + b"v" * definition(STATUS).size
+CARRIED_STATUS = STATUS._replace(name="/uav_1/fmu/out/vehicle_status_v4")
+CARRIED = str(Token(0, ZID, "MP", "msggen_1", CARRIED_STATUS))
 LARGEST_GAP = 1_000_000
 MAX_VEHICLES, MAX_ENDPOINTS, MAX_KEYS = 100, 1000, 10_000
 
@@ -61,6 +63,7 @@ def check(case: Case) -> None:
     now = 10**10
     for key in (None, COMMAND, STATUS):
         vehicles.token(token_of(key), now, is_alive=True)
+    vehicles.token(CARRIED, now, is_alive=True)
     for number in range(1, case.size + 1):
         now += chance.choice((STEP_NS, STEP_NS, 10 * STEP_NS, 1000 * STEP_NS))
         before = vehicles.lost
@@ -70,6 +73,10 @@ def check(case: Case) -> None:
         attachment = Attachment(number, now, GUID).pack()
         vehicles.sample(str(STATUS), OWN + chance.randbytes(chance.randrange(40)), attachment, now, now)
         assert [each.payload for each in told.samples] == [OWN], "a sample of the vehicle has not arrived"
+        vehicles.beat(beat_of(ZID, 0, "uav_1"), attachment, now)
+        attachment = Attachment(number, now, gid_of(CARRIED)).pack()
+        vehicles.sample(str(CARRIED_STATUS), OWN, attachment, now, now)
+        assert [each.payload for each in told.samples[1:]] == [OWN], "a sample of the carried vehicle has not arrived"
         if chance.random() < 0.1:
             vehicles.tick(now)
         assert len(told.connected) <= MAX_VEHICLES
@@ -148,11 +155,17 @@ def _sample(vehicles: Vehicles, chance: Random, now: int) -> None:
     vehicles.sample(text, chance.randbytes(chance.randrange(200)), given, now, now)
 
 
+def _beat(vehicles: Vehicles, chance: Random, now: int) -> None:
+    key = beat_of(chance.choice((ZID, chance.randbytes(16).hex())), 0, f"uav_{chance.randrange(3)}")
+    given = chance.choice((Attachment(1, chance.randrange(2**63), OTHER).pack(), chance.randbytes(33), None, b""))
+    vehicles.beat(key if chance.random() < 0.7 else _changed(key, chance), given, now)
+
+
 def _many(vehicles: Vehicles, chance: Random, now: int) -> None:
     for _ in range(chance.randrange(100)):
         _token(vehicles, chance, now)
         _sample(vehicles, chance, now)
 
 
-ACTS: tuple[Callable[[Vehicles, Random, int], None], ...] = (_token, _token, _sample, _sample, _many)
+ACTS: tuple[Callable[[Vehicles, Random, int], None], ...] = (_token, _token, _sample, _sample, _beat, _many)
 """What a stranger does."""

@@ -31,12 +31,14 @@ class Networked(NamedTuple):
 
 
 @contextmanager
-def carried(owner: UdpLink, router: int, *types: ModuleType) -> Iterator[tuple[Server, Network]]:
-    """Own a link, and carry its vehicles to a router at a port."""
+def carried(owner: UdpLink, router: int, config: str, *types: ModuleType) -> Iterator[tuple[Server, Network]]:
+    """Own a link, and carry its vehicles to a router at a port. `config` is a configuration of Zenoh, or ""."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "link.socket"
         with served(owner, path) as server:
-            network = Network(parse_address(f"zenoh://127.0.0.1:{router}"), str(path), lambda _: types)
+            network = Network(
+                parse_address(f"zenoh://127.0.0.1:{router}")._replace(config=config), str(path), lambda _: types
+            )
             network.start()
             try:
                 yield server, network
@@ -45,14 +47,23 @@ def carried(owner: UdpLink, router: int, *types: ModuleType) -> Iterator[tuple[S
 
 
 @contextmanager
-def networked(
-    types: ModuleType, options: Sequence[Options] = (CALM,), *, port: int = 0, speed: float = 1.0
+def networked(  # noqa: PLR0913 - keywords, each of which has a default
+    px4: ModuleType,
+    options: Sequence[Options] = (CALM,),
+    *,
+    port: int = 0,
+    speed: float = 1.0,
+    types: ModuleType | None = None,
+    config: str = "",
 ) -> Iterator[Networked]:
-    """Simulate vehicles over UDP, and carry them to the router at a port, or to one at a port of its own."""
+    """Simulate vehicles over UDP, and carry them to the router at a port, or to one at a port of its own.
+
+    `types` has the definitions that the owner knows, by default those of the vehicles.
+    """
     port = port or free_port()
     link = UdpLink(port=0)
     with (
-        carried(link, port, types) as (server, network),
-        Simulator(types, f"udp://127.0.0.1:{link.port}", options, speed=speed) as simulator,
+        carried(link, port, config, types or px4) as (server, network),
+        Simulator(px4, f"udp://127.0.0.1:{link.port}", options, speed=speed) as simulator,
     ):
         yield Networked(f"zenoh://127.0.0.1:{port}", simulator, server, network)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections import Counter
 from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
+from msggen.link.rmw_zenoh.names import Attachment, parse_attachment, parse_token
 from msggen.live import LinkError, TopicError, Vehicle
 from msggen.vehicle.command import send_command
 from support.networked import CALM, networked
+from support.ports import free_port
+from support.zenoh_space import GUID, OTHER, session
 
 pytest.importorskip("zenoh")
 
@@ -118,3 +124,113 @@ def test_what_cannot_be_sent_raises(px4_types: Any) -> None:
         assert vehicle.wait_disconnected(20.0).startswith("its tokens are gone")
         with pytest.raises(LinkError):
             vehicle.publish(px4_types.OffboardControlMode())
+
+
+def test_a_router_that_was_killed_and_is_back_has_the_vehicle_again(px4_types: Any) -> None:
+    port = free_port()
+    with session(port, "router") as router, networked(px4_types, port=port) as space:
+        assert not space.network.is_router
+        with Vehicle(space.url, px4_types, direct=True) as vehicle:
+            vehicle.wait_connected(20.0)
+            attitudes = vehicle.subscribe("vehicle_attitude")
+            attitudes.wait_for(lambda _: True, 10.0)
+            router.close()
+            vehicle.wait_disconnected(20.0)
+            with pytest.raises(LinkError):
+                vehicle.publish(px4_types.OffboardControlMode())
+            vehicle.wait_connected(30.0)  # one of the two is the router now, and the other one its client
+            attitudes.wait_for(lambda _: True, 10.0)
+            vehicle.publish(px4_types.OffboardControlMode())
+            until(lambda: "/fmu/in/offboard_control_mode" in space.simulator.vehicles[0].received)
+
+
+def test_what_is_late_or_no_sample_does_not_reach_the_vehicle(px4_types: Any) -> None:
+    """A node of ROS 2 whose samples waited, or whose clock is behind; and bytes that are no sample."""
+    message = px4_types.OffboardControlMode(position=True)
+    key = f"0/fmu/in/offboard_control_mode/{message.__msg__.dds_type}/{message.__msg__.type_hash}"
+    with networked(px4_types) as space, session(int(space.url.rpartition(":")[2])) as stranger:
+        until(lambda: "/fmu/out/vehicle_attitude" in {name for _, name in space.network._flows})
+
+        def put(payload: bytes, age: float = 0.0, gid: bytes = GUID) -> None:
+            attachment = Attachment(1, time.time_ns() - round(age * 1e9), gid).pack()
+            stranger.put(key, payload, attachment=attachment)
+
+        refused = space.network.refusals.counts
+        put(message.encode(), age=0.6)
+        stranger.put(key, message.encode())
+        put(message.encode()[:-1])
+        put(b"\0\7\0\0" + bytes(3))
+        until(lambda: refused["/fmu/in/offboard_control_mode"] == 4)
+        ahead = OTHER
+        put(message.encode(), age=-100.0, gid=ahead)  # its clock is ahead, but it has not waited
+        put(message.encode(), age=-99.0, gid=ahead)  # waited for 1 s more
+        until(lambda: refused["/fmu/in/offboard_control_mode"] == 5)
+        put(px4_types.encapsulation.encode_as(message, b"\0\0"))  # big-endian; arrives as PX4 takes it
+        received = space.simulator.vehicles[0].received
+        until(lambda: received["/fmu/in/offboard_control_mode"] == 2)
+        assert not space.simulator.vehicles[0].refused
+
+
+def test_the_form_on_the_network_is_that_of_rmw_zenoh(px4_types: Any) -> None:
+    """Tokens with ids that differ and the QoS of PX4's endpoints, a gid for each publisher, times since 1970."""
+    options = CALM._replace(key=3, namespace="uav_1")
+    tokens: set[str] = set()
+    samples: list[Any] = []
+    with networked(px4_types, [options]) as space, session(int(space.url.rpartition(":")[2])) as stranger:
+        until(lambda: len(space.network._flows) == 31)
+        found = [str(reply.ok.key_expr) for reply in stranger.liveliness().get("@ros2_lv/**")]
+        tokens.update(found)
+        stranger.declare_subscriber("0/uav_1/fmu/out/vehicle_status_v4/**", samples.append)
+        stranger.declare_subscriber("0/uav_1/fmu/out/vehicle_attitude/**", samples.append)
+        until(lambda: len({str(each.key_expr) for each in samples}) == 2)
+    parsed = [parse_token(text) for text in tokens]
+    assert None not in parsed
+    assert len(tokens) == 70
+    assert len({text.split("/")[4] for text in tokens}) == 70
+    assert {text.split("/")[7] for text in tokens} == {"%uav_1"}
+    assert {each.node for each in parsed if each} == {"msggen_3"}
+    kinds = Counter(each.kind for each in parsed if each)
+    assert kinds == {"NN": 1, "MP": 31, "MS": 38}
+    status = px4_types.VehicleStatus.__msg__
+    expected = f"%uav_1%fmu%out%vehicle_status_v4/{status.dds_type}/{status.type_hash}/2::,:,:,:,,"
+    assert any(text.endswith(expected) for text in tokens)
+    assert any("%vehicle_command/" in text and text.endswith("/2::,16:,:,:,,") for text in tokens)
+    attachments = {str(each.key_expr): parse_attachment(bytes(each.attachment)) for each in samples}
+    assert len({each.gid for each in attachments.values() if each}) == 2
+    assert all(each and abs(time.time() - each.time / 1e9) < 30.0 for each in attachments.values())
+    sizes = {4 + cls.__msg__.cdr_size for cls in (px4_types.VehicleStatus, px4_types.VehicleAttitude)}
+    assert {len(bytes(each.payload)) for each in samples} == sizes  # no surplus
+
+
+def test_a_vehicle_of_v1_14_tells_no_definitions_and_has_those_of_its_release() -> None:
+    older = package_of("v1.14")
+    with networked(older) as space, Vehicle(space.url, older, direct=True) as vehicle:
+        vehicle.wait_connected(20.0)
+        assert str(vehicle.wait_firmware(10.0)) == "v1.14"
+        assert type(vehicle.subscribe("vehicle_status").wait_for(lambda _: True, 10.0)) is older.VehicleStatus
+        vehicle.publish(older.OffboardControlMode())
+        until(lambda: space.simulator.vehicles[0].received)
+
+
+def test_topics_without_a_definition_are_named_with_the_cure(px4_types: Any, caplog: Any) -> None:
+    with networked(px4_types, types=package_of("v1.16")) as space:
+        until(lambda: "not on the network, because no types have the vehicle's definitions" in caplog.text)
+        assert "/fmu/out/vehicle_status_v4" in caplog.text
+        assert "--px4 PX4-Autopilot" in caplog.text
+        assert not any("vehicle_status_v4" in name for _, name in space.network._flows)
+
+
+def test_a_slow_reader_loses_its_own_samples_only(px4_types: Any) -> None:
+    hung = threading.Event()
+    with networked(px4_types, [CALM._replace(rate=None)]) as space:
+        port = int(space.url.rpartition(":")[2])
+        with session(port) as slow, Vehicle(space.url, px4_types, direct=True) as vehicle:
+            slow.declare_subscriber("**/fmu/out/**", lambda _: hung.wait(20.0))
+            vehicle.wait_connected(20.0)
+            attitudes = vehicle.subscribe("vehicle_attitude")
+            for _ in range(50):
+                attitudes.wait_for(lambda _: True, 10.0)
+            assert vehicle.lost == 0
+            command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1, from_external=True)
+            assert send_command(vehicle, command, 10.0).result == 0
+            hung.set()

@@ -81,15 +81,16 @@ def _add_serve(actions: Commands) -> None:
     parser.add_argument("--background", action="store_true", help="return when programs can join")
 
 
-def _wanted(options: argparse.Namespace, named: str = "--link") -> tuple[Place, Wanted]:
-    """Return the place and the link that the options name. Raises InputError."""
+def _wanted(options: argparse.Namespace, named: str = "--link", *, is_networked: bool = False) -> tuple[Place, Wanted]:
+    """Return the place and the link that the options name. With a network, it may be DDS, too. Raises InputError."""
     from msggen.link.address import parse_address
     from msggen.vehicle.owned.joining import Wanted
     from msggen.vehicle.owned.places import CAN_SHARE, place_of
 
     link = link_of(options, named)
     address = parse_address(link)
-    if not (CAN_SHARE and address.link_type.is_shared):
+    is_meant = address.link_type.is_shared or (is_networked and address.link_type.has_domain)
+    if not (CAN_SHARE and is_meant):
         text = f"'{link}' cannot be owned for others: expected {usages(_SHARED)}, on Linux or macOS"
         raise input_error(link, "L101", text, 0)
     if address.has_free_port:
@@ -105,7 +106,7 @@ def _serve(options: argparse.Namespace) -> int:
     if options.url and options.link:
         options.parser.error("argument --link: the address of the link is given already: leave out one of them")
     options.link = options.url or options.link
-    place, wanted = _wanted(options)
+    place, wanted = _wanted(options, is_networked=bool(options.zenoh))
     types = _types_of_network(options, wanted)
     with link_errors(options.zenoh or str(wanted.address), has_owner=not options.zenoh):
         if not options.background:
@@ -196,7 +197,7 @@ def _place_to_stop(options: argparse.Namespace) -> Place:
     found = _running()
     if options.link:
         options.allow = []
-        place, wanted = _wanted(options, "URL")
+        place, wanted = _wanted(options, "URL", is_networked=True)
         if any(each.place == place for each in found):
             return place
         raise input_error(str(wanted.address), "L102", f"no process owns it{_others(found)}", 0)

@@ -55,6 +55,8 @@ def place_of(address: Address) -> Place:
         name = f"{address.scheme}-{os.path.basename(path)}-{blake2b(os.fsencode(path), digest_size=4).hexdigest()}"
     elif address.link_type.has_router:  # of this computer, or of another one
         name = f"{address.scheme}-{found_at(address)}-{address.port}"
+    elif address.link_type.has_domain:
+        name = f"{address.scheme}-{address.domain}"
     else:
         name = f"udp-{address.port}"
     place = Place(runtime_folder(), name)

@@ -47,7 +47,8 @@ if TYPE_CHECKING:
 _BEAT_S: Final = 0.1
 """The time between two beats: a program on the network sends nothing after 0.5 s without one."""
 _MOST: Final = 1000
-"""What may wait for the thread of the network. Further samples and tokens from there are refused."""
+"""The samples that may wait for the thread of the network. Further ones are refused."""
+_MOST_TOKENS: Final = 200_000
 
 
 class _Vehicle:
@@ -92,6 +93,11 @@ class Network:
         self._told: set[str] = set()
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="msggen-network", daemon=True)
+
+    @property
+    def is_router(self) -> bool:
+        """Whether this process is the router of the network."""
+        return self._connection.is_router
 
     def start(self) -> None:
         """Open the session, and join the owner soon. Raises LinkError."""
@@ -166,7 +172,8 @@ class Network:
             self._declare(vehicle)
 
     def _take_token(self, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
-        self._queue.put(lambda: self._note(text, is_alive=is_alive))
+        if self._queue.qsize() < _MOST_TOKENS:
+            self._queue.put(lambda: self._note(text, is_alive=is_alive))
 
     def _take_sample(self, vehicle: _Vehicle, topic: Topic, payload: bytes, attachment: bytes | None) -> None:
         arrived = time.time_ns()
@@ -213,12 +220,14 @@ class Network:
             return
         if token.kind != "MP" or place[1] != "out" or session.is_own(token.zid):
             return
-        found = self._strangers.setdefault(place[0], set())
-        if is_alive and len(found) < _MOST:
-            found.add(text)
-        elif not is_alive:
+        found = self._strangers.get(place[0], set())
+        if is_alive and len(found) < _MOST and (found or len(self._strangers) < _MOST):
+            self._strangers.setdefault(place[0], set()).add(text)
+        elif not is_alive and text in found:
             found.discard(text)
-            self._sort()
+            if not found:
+                del self._strangers[place[0]]
+                self._sort()
 
     def _update(self, entry: Entry) -> None:
         """Carry a vehicle whose definitions are known, or what it has got since."""

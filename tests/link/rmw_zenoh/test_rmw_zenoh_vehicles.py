@@ -11,6 +11,7 @@ from msggen.link.link import (
     Connected,
     Disconnected,
     Event,
+    Identified,
     LinkError,
     Lost,
     Opened,
@@ -20,11 +21,13 @@ from msggen.link.link import (
     StaleError,
     Warned,
 )
-from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key, Token
+from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key, Token, beat_of, gid_of
 from msggen.link.rmw_zenoh.vehicles import (
+    EVERYTHING,
     GRACE_NS,
     MAX_ENDPOINTS,
     MAX_VEHICLES,
+    QUIET_NS,
     SILENCE_NS,
     STILL_NS,
     Vehicles,
@@ -312,3 +315,108 @@ def test_the_numbers_of_vehicles_and_endpoints_are_limited(space: Space) -> None
         space.token(STATUS._replace(name=f"/uav_{number}/fmu/out/x"))
     assert len(space.all(Connected)) == MAX_VEHICLES
     assert sum(space.vehicles.refused.values()) == 5 + 6
+
+
+CARRIED = STATUS._replace(name="/uav_1/fmu/out/vehicle_status_v4")
+READ = COMMAND._replace(name="/uav_1/fmu/in/vehicle_command")
+SPACE = "0/fmu/out/**"
+
+
+def tokens_of(zid: str, node: str) -> list[str]:
+    """Return the tokens of a node that carries a vehicle."""
+    return [str(Token(0, zid, "MS", node, READ)), str(Token(0, zid, "MP", node, CARRIED))]
+
+
+class Carrier:
+    """A process of msggen that carries a vehicle with the key 7."""
+
+    def __init__(self, space: Space, zid: str = ZID) -> None:
+        self.space, self.zid = space, zid
+        self.tokens = tokens_of(zid, "msggen_7")
+        for text in self.tokens:
+            space.vehicles.token(text, space.now, is_alive=True)
+
+    def beat(self, time: int = 5) -> None:
+        self.space.vehicles.beat(beat_of(self.zid, 0, "uav_1"), Attachment(1, time, GUID).pack(), self.space.now)
+
+    def sample(self, sequence: int = 1, gid: bytes = b"") -> None:
+        self.space.sample(CARRIED, guid=gid or gid_of(self.tokens[1]), sequence=sequence)
+
+
+def test_a_carried_vehicle_has_its_key_and_names_with_versions(space: Space) -> None:
+    Carrier(space)
+    assert space.remote == Remote(1, "msggen_7", 7, "uav_1", continued=False)
+    assert [event.route.name for event in space.all(Opened)] == [READ.name, CARRIED.name]
+
+
+def test_of_a_carried_vehicle_only_what_is_followed_is_subscribed_to(space: Space) -> None:
+    carrier = Carrier(space)
+    beat = beat_of(ZID, 0, "uav_1")
+    assert space.vehicles.wanted == {beat}
+    status = space.all(Opened)[1].route
+    space.vehicles.follow(space.remote, status, is_followed=True)
+    assert space.vehicles.wanted == {beat, str(CARRIED)}
+    carrier.sample(1)
+    space.vehicles.follow(space.remote, status, is_followed=False)
+    assert space.vehicles.wanted == {beat}
+    space.vehicles.follow(space.remote, status, is_followed=True)
+    carrier.sample(100)  # others have followed it meanwhile
+    assert not space.all(Lost)
+    space.vehicles.follow(space.remote, space.all(Opened)[0].route, is_followed=True)
+    assert str(READ) not in space.vehicles.wanted
+    space.token(STATUS)  # beside it, PX4's own module
+    assert space.vehicles.wanted == {beat, str(CARRIED), SPACE}
+
+
+def test_a_firmware_without_tokens_is_looked_for_only_where_no_vehicle_has_some(space: Space) -> None:
+    assert space.vehicles.wanted == {EVERYTHING}
+    space.token(STATUS)
+    assert space.vehicles.wanted == {SPACE}
+    space.token(STATUS, is_alive=False)
+    assert space.vehicles.wanted == {EVERYTHING}
+
+
+def test_a_carried_vehicle_is_complete_when_its_beat_is_heard_and_no_token_follows(space: Space) -> None:
+    carrier = Carrier(space)
+    space.now += QUIET_NS + 1
+    space.vehicles.tick(space.now)
+    assert not space.all(Identified)
+    carrier.beat()
+    space.vehicles.tick(space.now)
+    assert space.all(Identified) == [Identified(space.remote, {}, is_complete=True)]
+
+
+def test_nothing_is_sent_to_a_carried_vehicle_without_a_beat(space: Space) -> None:
+    carrier = Carrier(space)
+    command = space.all(Opened)[0].route
+    with pytest.raises(StaleError):
+        space.vehicles.key_to(space.remote, command, space.now)
+    carrier.beat()
+    assert space.vehicles.key_to(space.remote, command, space.now) == str(READ)
+    space.now += STILL_NS + 1
+    with pytest.raises(StaleError):
+        space.vehicles.key_to(space.remote, command, space.now)
+    space.now += SILENCE_NS
+    space.vehicles.tick(space.now)
+    assert space.all(Disconnected)
+    carrier.beat()
+    assert len(space.all(Connected)) == 2
+
+
+def test_samples_and_beats_of_others_are_not_those_of_a_carried_vehicle(space: Space) -> None:
+    carrier = Carrier(space)
+    carrier.sample(gid=OTHER)
+    space.vehicles.beat(beat_of(ZID, 0, "uav_2"), Attachment(1, 5, GUID).pack(), space.now)
+    space.vehicles.beat(beat_of(ZID, 0, "uav_1"), b"", space.now)
+    assert not space.all(Sample)
+    assert sum(space.vehicles.refused.values()) == 3
+    carrier.sample()
+    assert space.all(Sample)[0].route.name == CARRIED.name
+
+
+def test_two_carriers_of_one_namespace_get_no_message_meant_for_the_other(space: Space) -> None:
+    Carrier(space).beat()
+    for text in tokens_of("0b" * 16, "msggen_8"):
+        space.vehicles.token(text, space.now, is_alive=True)
+    with pytest.raises(LinkError, match="2 vehicles read /uav_1/fmu/in/vehicle_command"):
+        space.vehicles.key_to(space.remote, space.all(Opened)[0].route, space.now)

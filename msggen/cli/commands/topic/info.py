@@ -46,7 +46,7 @@ def _info(options: argparse.Namespace) -> int:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
         topic = found.fitting(topic)
-        facts = [*_facts(topic, hashed, found.label), *_publishers(found.vehicle, topic)]
+        facts = [*_facts(topic, hashed, found), *_publishers(found.vehicle, topic)]
         if options.json:
             print(dump({key: value for fact in facts for key, value in fact.values.items()} | _definition(topic)))
         else:
@@ -75,7 +75,7 @@ class _Fact(NamedTuple):
     values: Mapping[str, object] = MappingProxyType({})
 
 
-def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
+def _facts(topic: Named, hashed: int | None, found: Connection) -> Iterator[_Fact]:
     endpoint: Any = topic.endpoint
     route = topic.route
     known = route.ros_type if route else ""
@@ -84,11 +84,11 @@ def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
     yield _Fact("topic", name, {"topic": topic.name})
     yield _Fact("direction", way, {"direction": topic.direction, "on_vehicle": route is not None, "type": known})
     if endpoint is None:
-        yield _Fact("type", f"{known}, of which {label} has no definition: name the firmware, --px4")
+        yield _Fact("type", f"{known}, of which {found.label} has no definition: name the firmware, --px4")
         return
     yield from _facts_of_message(endpoint.message.__msg__, hashed)
     yield _Fact("uORB topic", endpoint.uorb_topic, {"uorb_topic": endpoint.uorb_topic})
-    is_on_zenoh = route is not None and bool(route.type_hash)  # without ids and limits, and with a QoS of its own
+    is_on_zenoh = bool(route and found.vehicle.remote.guid)  # PX4's module: without ids and limits, with its own QoS
     key = _zenoh_key(topic)
     yield _Fact("Zenoh key", key, {"zenoh_key": key})
     number = None if is_on_zenoh or endpoint.object_id is None else str(endpoint.object_id)
