@@ -129,10 +129,9 @@ def test_a_vehicle_at_one_router_is_at_another_one_that_is_connected_to_it(px4_t
     assert link.statistics().lost == 0
 
 
-@pytest.mark.parametrize("name", ["nohost.invalid", "192.0.2.1"])
-def test_a_wrong_host_is_an_error_that_names_what_to_check(name: str) -> None:
+def test_a_name_that_no_computer_has_is_an_error_that_names_what_to_check() -> None:
     with pytest.raises(LinkError, match="check host and port"):
-        ZenohLink(name, 7447).start(Records())
+        ZenohLink("nohost.invalid", 7447).start(Records())
 
 
 @pytest.mark.night
