@@ -132,12 +132,12 @@ def _prefixes(message: Message) -> list[str]:
     return sorted(prefix for prefix, count in counts.items() if count > 1)
 
 
-def in_bridge(state: State, lines: Sequence[str], line: int, prefix: str) -> Iterator[Proposal]:
-    """Yield the proposals in dds_topics.yaml, on a line that counts from 1."""
+def in_bridge(state: State, path: str, lines: Sequence[str], line: int, prefix: str) -> Iterator[Proposal]:
+    """Yield the proposals in a list of topics, on a line that counts from 1."""
     if found := _VALUE.fullmatch(prefix):
         start = found.start(2) + 1
         if found[1] == "topic":
-            yield from _topics(state, lines, line, start)
+            yield from _topics(state, path, lines, line, start)
         elif found[1] == "type":
             yield from _message_types(state, lines, line, start)
         else:
@@ -147,12 +147,11 @@ def in_bridge(state: State, lines: Sequence[str], line: int, prefix: str) -> Ite
         yield from (Proposal(f"{key}: ", What.KEY, found.start(1) + 1) for key in (LISTS if is_list else KEYS))
 
 
-def _topics(state: State, lines: Sequence[str], line: int, start: int) -> Iterator[Proposal]:
+def _topics(state: State, path: str, lines: Sequence[str], line: int, start: int) -> Iterator[Proposal]:
     """Yield the topics that the list above the line does not have yet."""
     direction = _direction(lines, line)
-    known = (
-        {entry.uorb_topic for entry in state.catalog.bridge if entry.direction is direction} if state.catalog else ()
-    )
+    entries = dict(state.lists).get(path, ())
+    known = {entry.uorb_topic for entry in entries if entry.direction is direction}
     for message in _of_uorb(state):
         for topic in message.topic_names:
             if topic not in known:

@@ -198,7 +198,7 @@ def _proposals(state: State, path: str, lines: Sequence[str], line: int, prefix:
     elif is_settings(path):
         yield from complete_settings(lines, line, prefix)
     elif state.sources and path in {file.path for file in (state.sources.bridge, state.sources.zenoh) if file}:
-        yield from in_bridge(state, lines, line, prefix)
+        yield from in_bridge(state, path, lines, line, prefix)
 
 
 def _message_at(state: State, path: str, line: int) -> Message | None:

@@ -1,4 +1,4 @@
-"""The names in definitions and in dds_topics.yaml: where each is defined, and where it is used."""
+"""The names in definitions and in lists of topics: where each is defined, and where it is used."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from msggen.definitions.model import BridgeEntry, Catalog, Constant, Field, Message, snake_case
+from msggen.definitions.model import BridgeEntry, Constant, Field, Message, snake_case
 from msggen.lsp.project import State
 
 _NESTED = re.compile(r"(?:(\w+)/)?(\w+)")
@@ -66,9 +66,9 @@ def uses(state: State, paths: Iterable[str] | None = None) -> Iterator[Use]:
         path = message.location.path
         if wanted is None or path in wanted:
             yield from _of_message(message, state.lines(path))
-    bridge = state.sources.bridge if state.sources else None
-    if bridge and state.catalog and (wanted is None or bridge.path in wanted):
-        yield from _of_bridge(state.catalog, state.lines(bridge.path))
+    for path, entries in state.lists:
+        if state.catalog and (wanted is None or path in wanted):
+            yield from _of_list(state.catalog.package, entries, state.lines(path))
 
 
 def at(state: State, path: str, line: int, column: int) -> Use | None:
@@ -132,15 +132,15 @@ def _in_tags(message: Message, lines: Sequence[str]) -> Iterator[Use]:
                     yield Use(Name(Kind.FIELD, word[0], message.key), span)
 
 
-def _of_bridge(catalog: Catalog, lines: Sequence[str]) -> Iterator[Use]:
-    entries = sorted(catalog.bridge, key=lambda entry: entry.location)
+def _of_list(package: str, found: Iterable[BridgeEntry], lines: Sequence[str]) -> Iterator[Use]:
+    entries = sorted(found, key=lambda entry: entry.location)
     for entry, after in zip(entries, [*entries[1:], None], strict=False):
         topic = _part(lines, entry.location.line, entry.location.column, entry.uorb_topic, entry.topic)
         if topic:
             yield Use(Name(Kind.TOPIC, entry.uorb_topic), topic._replace(path=entry.location.path))
         place = entry.type_location
         type_ = _part(lines, place.line, place.column, entry.message_name, entry.type_name)
-        owner = f"{catalog.package}/{entry.message_name}"
+        owner = f"{package}/{entry.message_name}"
         if type_:
             yield Use(Name(Kind.MESSAGE, owner), type_._replace(path=place.path))
         if entry.route_field:

@@ -16,7 +16,7 @@ from msggen.check.lint.definition import Definition
 from msggen.check.run import breaking, is_ignored
 from msggen.definitions.identity import Endpoint, endpoints
 from msggen.definitions.layout import Layout, is_static, lay_out
-from msggen.definitions.model import Catalog, FieldType, Message
+from msggen.definitions.model import BridgeEntry, Catalog, FieldType, Message
 from msggen.definitions.nesting import Extent, cycles, too_large
 from msggen.definitions.parse.text import decode_text
 from msggen.lsp.buffers import BufferedFolder, Buffers, buffered
@@ -112,6 +112,13 @@ class State:
             yield from self.catalog.messages.values()
             for service in self.catalog.services:
                 yield from (service.request, service.response)
+
+    @property
+    def lists(self) -> Iterator[tuple[str, tuple[BridgeEntry, ...]]]:
+        """The paths and the entries of dds_topics.yaml and of the list for Zenoh."""
+        if self.sources and self.catalog:
+            both = ((self.sources.bridge, self.catalog.bridge), (self.sources.zenoh, self.catalog.zenoh))
+            yield from ((file.path, entries) for file, entries in both if file)
 
     def in_file(self, path: str) -> list[Message]:
         """Return the message in a file, or both halves of a service."""

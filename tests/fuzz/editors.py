@@ -149,7 +149,7 @@ def _ask(state: State, path: str, part: float) -> None:
     prefix = lines[line - 1][: column - 1]
     message = next(iter(state.in_file(path)), None)
     proposals = (
-        in_bridge(state, lines, line, prefix) if path.endswith(BRIDGE) else in_definition(state, message, prefix)
+        in_bridge(state, path, lines, line, prefix) if path.endswith(BRIDGE) else in_definition(state, message, prefix)
     )
     assert all(1 <= each.start <= column for each in proposals)
     use = at(state, path, line, column)

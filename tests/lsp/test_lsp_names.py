@@ -27,7 +27,7 @@ RELEASES = ("v1.18", "v1.14", "v1.16")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_tree(tmp_path_factory.mktemp("tree") / "px4", "v1.18")
+    return write_tree(tmp_path_factory.mktemp("tree") / "px4", "v1.18", has_zenoh=True)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def drawn() -> list[tuple[str, int]]:
 @by_day(("kind", "seed"), drawn(), 5)
 def test_renaming_changes_the_name_and_nothing_else(kind: str, seed: int, tmp_path: Path) -> None:
     release = RELEASES[seed % len(RELEASES)]
-    tree = write_tree(tmp_path / "px4", release)
+    tree = write_tree(tmp_path / "px4", release, has_zenoh=True)
     state = read(tree)
     names = sorted({use.name for use in uses(state) if use.name.kind is Kind(kind) and use.is_definition})
     name = Random(seed).choice([each for each in names if "MESSAGE_VERSION" not in each.text])  # noqa: S311 - a case
@@ -114,7 +114,9 @@ def shape(catalog: Catalog, new: str, old: str) -> set[tuple[str, ...]]:
         for each in elements
     }
     rows |= {(named(message.name), "topics", *sorted(map(named, message.topic_names))) for message in every(catalog)}
-    return rows | {(named(each.topic), named(each.type_name), str(each.route_field)) for each in catalog.bridge}
+    return rows | {
+        (named(each.topic), named(each.type_name), str(each.route_field)) for each in (*catalog.bridge, *catalog.zenoh)
+    }
 
 
 def every(catalog: Catalog) -> list[Message]:

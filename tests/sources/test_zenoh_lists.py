@@ -204,9 +204,27 @@ def test_a_change_of_the_list_rebuilds_and_breaks_nothing_for_dds(capsys: pytest
 
 @pytest.mark.usefixtures("working_folder")
 def test_the_page_shows_the_note_of_the_release(capsys: pytest.CaptureFixture[str]) -> None:
-    zenoh = (ROOT / "zenoh_topics.yaml").read_text()
-    write_tree(Path("PX4-Autopilot"), "v1.18", {ZENOH.removeprefix("fw/"): zenoh})
+    write_tree(Path("PX4-Autopilot"), "v1.18", has_zenoh=True)
     assert main(["check", "--px4", "PX4-Autopilot", "PX4-Autopilot"]) == DONE
     captured = capsys.readouterr()
     (note,) = [line for line in (captured.out + captured.err).splitlines() if "Y208" in line]
     assert f"{note}\n" in (ROOT / "docs" / "zenoh.md").read_text()
+
+
+@pytest.mark.parametrize("form", ["html", "markdown"])
+@pytest.mark.usefixtures("working_folder")
+def test_the_site_tells_what_is_on_zenoh(form: str) -> None:
+    catalog = catalog_of_tree()
+    assert main(["docs", "--px4", "fw", "-o", "site", "--format", form]) == DONE
+    texts = {path.stem: path.read_text() for path in Path("site").rglob("*.*") if path.suffix in (".html", ".md")}
+    keys = [each.zenoh_key(catalog) for each in endpoints(catalog) if each.zenoh]
+    pages = [text for text in texts.values() if "Zenoh key" in text]
+    assert len(pages) == len(keys) == 3
+    assert all(any(key in page for page in pages) for key in keys)
+    assert any("cc=block,express=true" in page for page in pages)
+    rows = [line for line in texts["topics"].splitlines() if "/fmu/" in line and "PX4 publishes" not in line]
+    assert [("yes" in row, ">no<" in row or "| no |" in row) for row in rows] == [(True, False), (False, True)] + [
+        (True, False)
+    ] * 2
+    if form == "markdown":
+        assert "| rate | Zenoh |\n|---|---|---|---|---|\n| [" in texts["topics"]

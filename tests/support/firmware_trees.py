@@ -19,12 +19,20 @@ FEW = {
 _ENTRY = re.compile(r"^  - topic:.*\n    type: px4_msgs::msg::(\w+)\n(?:    .*\n)*", re.MULTILINE)
 
 
-def write_tree(folder: Path, release: str, added: Mapping[str, str] | None = None) -> Path:
-    """Write a tree with the messages, services and topics of a release. `added` are further lines by file."""
+ZENOH_PLACE = "src/modules/zenoh/dds_topics.yaml"
+
+
+def write_tree(folder: Path, release: str, added: Mapping[str, str] | None = None, *, has_zenoh: bool = False) -> Path:
+    """Write a tree with the messages, services and topics of a release. `added` are further lines by file.
+
+    With `has_zenoh`, it has the list of topics for Zenoh, too, from v1.17 on.
+    """
     sources = find_sources(release)
     files = {file.name: read_file(file).decode() for file in (*sources.messages, *sources.services)}
     if sources.bridge is not None:
         files[BRIDGE_PLACE] = read_file(sources.bridge).decode()
+    if has_zenoh and sources.zenoh is not None:
+        files[ZENOH_PLACE] = read_file(sources.zenoh).decode()
     for name, text in (added or {}).items():
         files[name] = files.get(name, "") + text
     return write_definitions(folder, files)

@@ -140,6 +140,7 @@ def test_programs_share_a_link_over_zenoh(url: str, px4_types: Any) -> None:
         assert (echoed.code, echoed.stdout) == (0, "4 (AUTO_LOITER)\n---\n")
         told = run(["topic", "info", "vehicle_attitude", "--link", url])
         assert "none on Zenoh" in told.stdout
+        assert f"Zenoh key     {px4_types.topics.out.vehicle_attitude.zenoh_key}\n" in told.stdout
         assert "object id" not in told.stdout
 
 

@@ -137,10 +137,19 @@ def _record(options: argparse.Namespace) -> int:
         from msggen.generate.cache import package_of
 
         definitions = Definitions(found.vehicle, found.package, package_of)
-        clock = _SINCE_BOOT if found.vehicle.remote.guid else ""
+        clock = _clock_of(found.vehicle)
         recorder = _open(options, choice, definitions, clock)
         _Session(options, found, recorder, definitions, clock).run()
     return DONE
+
+
+def _clock_of(vehicle: Vehicle) -> str:
+    """Return a note on the times of a vehicle's messages, "" for none."""
+    from msggen.link.link import NotConnectedError
+
+    with suppress(NotConnectedError):
+        return _SINCE_BOOT if vehicle.remote.guid else ""
+    return ""
 
 
 def check_packages(code: str) -> None:

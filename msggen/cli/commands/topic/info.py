@@ -88,10 +88,11 @@ def _facts(topic: Named, hashed: int | None, found: Connection) -> Iterator[_Fac
         return
     yield from _facts_of_message(endpoint.message.__msg__, hashed)
     yield _Fact("uORB topic", endpoint.uorb_topic, {"uorb_topic": endpoint.uorb_topic})
-    is_on_zenoh = bool(route and found.vehicle.remote.guid)  # PX4's module: without ids and limits, with its own QoS
+    of_module = bool(route and found.vehicle.remote.guid)
+    is_on_zenoh = endpoint.object_id is None or of_module  # PX4's module: without ids and limits, with its own QoS
     key = _zenoh_key(topic)
     yield _Fact("Zenoh key", key, {"zenoh_key": key})
-    number = None if is_on_zenoh or endpoint.object_id is None else str(endpoint.object_id)
+    number = None if is_on_zenoh else str(endpoint.object_id)
     yield _Fact("object id", number, {"object_id": endpoint.object_id})
     rates = {name: getattr(endpoint, name) for name in ("rate_limit_hz", "publish_interval_ms")}
     yield _Fact("rate limit", "none on Zenoh" if is_on_zenoh else _limit(endpoint), rates)
