@@ -12,11 +12,10 @@ import pytest
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from support.flown import Flown, fly, flying
+from support.flown import SETPOINTS, Flown, chosen, fly, flying
 
 RETURN, LAND, TAKEOFF = 5, 18, 17
 ARM = 400
-SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 COMMANDS = {"vehicle_command", "vehicle_command_mode_executor"}
 _NEVER = 10_000
 
@@ -185,8 +184,7 @@ async def test_an_executor_that_has_failed_does_not_begin_again(flight: Flight, 
             await self.takeoff(4.0)
             raise LookupError
 
-    await flight.add(Fails)
-    await flight.set_mode(There)
+    await chosen(flight, Fails)
     await vehicle.until(lambda: vehicle.world.mode == RETURN, 20.0)
     await vehicle.until(lambda: not vehicle.world.is_armed, 40.0)
     for _ in range(2000):
@@ -222,8 +220,7 @@ async def test_a_run_begins_when_the_one_before_has_ended(flight: Flight, vehicl
                 await asyncio.sleep(1.0)
                 ends.append("ended")
 
-    await flight.add(Slow)
-    await flight.set_mode(There)
+    await chosen(flight, Slow)
     await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 20.0)
     await flight.set_mode("hold")
     await asyncio.sleep(0.3)
@@ -259,8 +256,7 @@ async def test_an_executor_that_stops_to_wait_for_a_mode_ends_it(flight: Flight,
 
     speeds: list[float] = []
 
-    await flight.add(Patient)
-    await flight.set_mode(Away)
+    await chosen(flight, Patient)
     await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)
     assert speeds[0] > 1.0
     assert abs(speeds[1]) < 0.2

@@ -14,7 +14,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.setpoints import GOTO
-from support.flown import Flown, fly
+from support.flown import Flown, chosen, fly
 from support.repository import VECTORS
 
 DIFFERENT: Final = {
@@ -72,8 +72,7 @@ def _captured(package: Any) -> list[tuple[str, Any]]:
 
 def _flown(package: Any) -> list[tuple[str, Any]]:
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Mission)
-        await flight.set_mode(PythonGoto)
+        await chosen(flight, Mission)
         await flight.wait_armed()
         await flight.wait_disarmed()
         flight.close()

@@ -14,7 +14,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, Line, flying, flying_each
+from support.flown import EXTERNAL, Flown, Line, chosen, flying, flying_each
 
 HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
 
@@ -160,8 +160,7 @@ async def test_an_executor_that_is_selected_again_runs_again(flight: Flight, veh
 
     executor = Lands()
 
-    await flight.add(executor)
-    await flight.set_mode(executor)
+    await chosen(flight, executor)
     if way == "on the ground":
         await vehicle.until(lambda: executor.ends == 1, 40.0)
         assert not vehicle.world.is_armed
@@ -222,8 +221,7 @@ async def test_the_next_run_of_an_executor_is_not_disturbed_by_the_cleanup_of_th
 ) -> None:
     executor = kind()
 
-    await flight.add(executor)
-    await flight.set_mode(executor)
+    await chosen(flight, executor)
     await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 2.0)
     vehicle.choose(HOLD)
     await asyncio.sleep(pause)
@@ -251,8 +249,7 @@ async def test_a_cleanup_that_fails_after_a_pilot_has_taken_over_does_not_fly(fl
                 await asyncio.sleep(1.0)
                 raise LookupError("no end")
 
-    await flight.add(Breaks)
-    await flight.set_mode(Breaks)
+    await chosen(flight, Breaks)
     await vehicle.until(lambda: vehicle.world.mode == EXTERNAL and vehicle.world.is_armed, 20.0)
     await asyncio.sleep(1.0)
     vehicle.choose(HOLD)
@@ -319,8 +316,7 @@ async def test_an_executor_that_fails_after_disarming_runs_again_when_the_vehicl
     executor = Waits()
 
     asyncio.get_running_loop().set_exception_handler(lambda *_: None)
-    await flight.add(executor)
-    await flight.set_mode(Waits)
+    await chosen(flight, executor)
     for runs in (1, 2):
         await flight.arm()
         await vehicle.until(partial(lambda wanted: executor.runs == wanted, runs), 1.0)

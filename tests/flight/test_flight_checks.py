@@ -331,7 +331,6 @@ class Awaits(Check):
         ((Forgets,), r"check 'Forgets' needs a method `def problems\(self\)`"),
         ((Awaits,), r"check 'Awaits' needs a method `def problems\(self\)`"),
         ((Doors, Doors), "expected one object of each mode and one executor for it, and one object of each check"),
-        ((type("X" * 25, (Doors,), {}),), "has 25 bytes, expected 1 to 24"),
     ],
 )
 @flying()

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen.flight.checks import LOCAL_POSITION
-from msggen.flight.errors import FlightError, NotReachedError, RefusedError
+from msggen.flight.errors import FlightError, RefusedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.sim import Options
 from support.examples import examples
-from support.flown import EXTERNAL, Flown, fly, flying, flying_each
+from support.flown import EXTERNAL, Flown, chosen, fly, flying, flying_each
 
 HOLD, RETURN, LAND, DESCEND = 4, 5, 18, 12
 
@@ -61,8 +61,7 @@ class Mission(Executor):
 async def test_a_pilot_ends_an_executor_at_once(flight: Flight, vehicle: Flown) -> None:
     mission = Mission()
 
-    await flight.add(mission)
-    await flight.set_mode(EXTERNAL)
+    await chosen(flight, mission)
     await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
     await asyncio.sleep(1.0)
     await flight.set_mode("hold")
@@ -82,8 +81,7 @@ async def test_an_executor_that_waits_for_arming_starts_then(flight: Flight, veh
 
     mission = Later()
 
-    await flight.add(mission)
-    await flight.set_mode(EXTERNAL)
+    await chosen(flight, mission)
     await asyncio.sleep(2.0)
     assert not mission.steps
     await flight.arm()
@@ -117,8 +115,7 @@ async def test_what_px4_refuses_is_raised_with_the_reason(flight: Flight, vehicl
 
     vehicle.lose_position()
     await asyncio.sleep(6.0)
-    await flight.add(Hopeful)
-    await flight.set_mode(EXTERNAL)
+    await chosen(flight, Hopeful)
     await asyncio.sleep(1.0)
     assert errors[0].result == 1
     assert "there is no local position" in errors[0].reasons
@@ -146,8 +143,7 @@ async def test_the_exception_of_a_mode_reaches_its_executor(flight: Flight, vehi
                 found.append(error)
             await self.land()
 
-    await flight.add(Searches)
-    await flight.set_mode(EXTERNAL)
+    await chosen(flight, Searches)
     await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)  # and never in a failsafe
     await vehicle.until(lambda: not vehicle.world.is_armed, 30.0)
     assert [str(each) for each in found] == ["no target"]
@@ -165,8 +161,7 @@ async def test_an_executor_that_fails_lets_px4_return(
             await self.fly()
             raise error("broken")
 
-    await flight.add(Fails)
-    await flight.set_mode(EXTERNAL)
+    await chosen(flight, Fails)
     await vehicle.until(lambda: vehicle.world.mode == RETURN, 40.0)
     assert "executor Fails has failed" in caplog.text
 
@@ -210,8 +205,7 @@ def test_wherever_an_executor_is_ended_it_sends_nothing_more(px4_types: Any, sec
     mission = Mission()
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(EXTERNAL)
+        await chosen(flight, mission)
         await asyncio.sleep(seconds)
         if way == "position lost":
             vehicle.lose_position()
@@ -242,16 +236,6 @@ async def test_actions_fly_without_a_mode_of_its_own(flight: Flight, vehicle: Fl
     await actions.return_home()
     await actions.wait_disarmed()
     assert vehicle.world.is_landed
-
-
-@flying()
-async def test_an_action_that_a_pilot_ends_is_told(flight: Flight, vehicle: Flown) -> None:
-    await vehicle.in_air(flight, 20.0)
-    landing = asyncio.create_task(flight.land())
-    await asyncio.sleep(2.0)
-    await flight.hold()
-    with pytest.raises(NotReachedError, match="the landing was not completed: the vehicle is in mode hold"):
-        await landing
 
 
 @flying_each()
@@ -306,8 +290,7 @@ async def test_failsafes_are_told_apart_from_ends(flight: Flight, vehicle: Flown
 
     mission = Mission()
 
-    await flight.add(mission)
-    await flight.set_mode(EXTERNAL)
+    await chosen(flight, mission)
     await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
     vehicle.world.battery.discharged = 0.94 * vehicle.world.battery.capacity
     await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)

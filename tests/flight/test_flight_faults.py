@@ -20,10 +20,9 @@ from msggen.flight.mode import Mode
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
 from msggen.sim import Options
 from support.examples import by_day, examples
-from support.flown import EXTERNAL, Flown, fly, flying, flying_each
+from support.flown import EXTERNAL, SETPOINTS, Flown, chosen, fly, flying, flying_each
 
 HOLD, RETURN, TAKEOFF = 4, 5, 17
-SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 
 
 def unresponsive(types: Any) -> tuple[float, float]:
@@ -103,8 +102,7 @@ def test_an_executor_that_is_killed_in_takeoff_leaves_the_vehicle_there(types: A
     """PX4 waits in Takeoff until a user selects a mode. With COM_MODE_ARM_CHK 1, the takeoff ends in Hold."""
 
     async def program(flight: Flight, vehicle: Flown) -> int:
-        await flight.add(Mission)
-        await flight.set_mode(GoesAway)
+        await chosen(flight, Mission)
         await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 5.0)
         vehicle.loss = 1.0
         await asyncio.sleep(25.0)
@@ -242,8 +240,7 @@ def test_a_flight_with_a_loss_of_20_percent_both_ways(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> float:
         vehicle.loss = 0.2
         begin = vehicle.time
-        await flight.add(Lossy)
-        await flight.set_mode(Short)
+        await chosen(flight, Lossy)
         await vehicle.until(lambda: bool(ends), 90.0)
         await asyncio.sleep(4.0)
         assert len(vehicle.world.commander.components.modes) == 1  # whatever was registered twice is gone

@@ -16,7 +16,7 @@ from msggen.flight.pytest import SimVehicle
 from msggen.generate.cache import package_of
 from msggen.sim.places import Home
 from support.examples import examples
-from support.flown import Flown, fly
+from support.flown import Flown, chosen, fly
 from support.kinds import RELEASES
 
 UP = Home().altitude + 3.0
@@ -82,8 +82,7 @@ def test_fly_joins_what_arming_has_started(
 
     async def program(flight: Flight, _: Flown) -> None:
         part, runs = make()
-        await flight.add(part)
-        await flight.set_mode(part)
+        await chosen(flight, part)
         await flight.arm()
         if delay is not None:
             await asyncio.sleep(delay)

@@ -38,14 +38,18 @@ def url() -> str:
 def home_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Let vehicles publish home_position once in a session."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    take, done = Schedule.take, set[int]()
+    publish_once(monkeypatch, "home_position")
+
+
+def publish_once(monkeypatch: pytest.MonkeyPatch, *topics: str) -> None:
+    """Let vehicles publish topics once in a session."""
+    take, done = Schedule.take, set[tuple[int, str]]()
 
     def taken(self: Schedule, now: int) -> Iterator[Publication]:
         for each in take(self, now):
-            if each.topic != "home_position" or id(self) not in done:
+            if each.topic not in topics or (id(self), each.topic) not in done:
                 yield each
-            if each.topic == "home_position":
-                done.add(id(self))
+            done.add((id(self), each.topic))
 
     monkeypatch.setattr(Schedule, "take", taken)
 
@@ -117,19 +121,12 @@ def test_the_last_samples_of_slow_topics_are_known_at_once(
     """They are published once only here, before the flight."""
     for each in fixtures:
         request.getfixturevalue(each)
-    take, done = Schedule.take, set[tuple[int, str]]()
-
-    def taken(self: Schedule, now: int) -> Iterator[Publication]:
-        for each in take(self, now):
-            if each.topic not in SLOW or (id(self), each.topic) not in done:
-                yield each
-            done.add((id(self), each.topic))
 
     async def ages() -> list[float]:
         async with Flight(vehicle) as flight:
             return [(await flight.telemetry.land()).age, (await flight.telemetry.battery()).age]
 
-    monkeypatch.setattr(Schedule, "take", taken)
+    publish_once(monkeypatch, *SLOW)
     with simulated(px4_types, url, QUICK), Vehicle(url, px4_types) as vehicle:
         kept = [vehicle.subscribe(topic) for topic in SLOW]
         vehicle.wait_connected(WAIT)

@@ -15,7 +15,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode, needs_of
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
-from support.flown import EXTERNAL, Flown, fly, flying_each
+from support.flown import EXTERNAL, Flown, chosen, fly, flying_each
 from support.repository import ROOT
 
 HOLD, RETURN, TAKEOFF, DESCEND = 4, 5, 17, 12
@@ -128,8 +128,7 @@ async def test_deny_arming(flight: Flight, vehicle: Flown) -> None:
     mode = Picky()
 
     status = flight.feeds["vehicle_status"]
-    await flight.add(mode)
-    await flight.set_mode(mode)
+    await chosen(flight, mode)
     await status.wait(lambda each: bool(each.pre_flight_checks_pass), 2.0)
     mode.is_ready = False
     await status.wait(lambda each: not each.pre_flight_checks_pass, 2.0)
@@ -173,8 +172,7 @@ def test_run_executor_autonomous(types: Any) -> None:
     mission = Mission()
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(mission)
-        await flight.set_mode(There)
+        await chosen(flight, mission)
         await vehicle.until(lambda: mission.steps[-1:] == ["disarmed"], 90.0)
         assert math.hypot(*vehicle.world.flight.position[:2]) < 1.0
 
@@ -212,8 +210,7 @@ def test_run_executor_failsafe(types: Any) -> None:
     mission = Mission()
 
     async def program(flight: Flight, vehicle: Flown) -> float:
-        await flight.add(mission)
-        await flight.set_mode(There)
+        await chosen(flight, mission)
         await vehicle.until(lambda: vehicle.world.mode == TAKEOFF, 5.0)
         await asyncio.sleep(3.0)
         vehicle.lose_position()

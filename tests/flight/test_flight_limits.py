@@ -22,7 +22,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.places import Vector
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 from support.examples import by_day, examples
-from support.flown import Flown, fly
+from support.flown import Flown, chosen, fly
 
 LIMITS = Limits(height=15.0, distance=20.0)
 NAN = math.nan
@@ -280,8 +280,7 @@ def test_an_executor_keeps_the_limits_of_its_flight(px4_types: Any) -> None:
                 errors.append(error)
 
     async def program(flight: Flight, _: Flown) -> None:
-        await flight.add(High)
-        await flight.set_mode(Waits)
+        await chosen(flight, High)
         await flight.arm()
         await asyncio.sleep(1.0)
 

@@ -36,7 +36,7 @@ from msggen.messages import commands, earth
 from msggen.messages.setpoints import FIXED_WING
 from msggen.sim import Options as SimOptions
 from msggen.sim.places import Home
-from support.flown import EXTERNAL, Flown, fly, flying, flying_each
+from support.flown import EXTERNAL, Flown, chosen, fly, flying, flying_each
 
 HOLD, RETURN, DESCEND, TAKEOFF, LAND = 4, 5, 12, 17, 18
 START = Home()
@@ -85,8 +85,7 @@ async def whole(flight: Flight, mission: Mission) -> None:
 
 async def begun(flight: Flight, vehicle: Flown, mission: Mission) -> None:
     """Let a pilot start a mission from the ground."""
-    await flight.add(mission)
-    await flight.set_mode(mission)
+    await chosen(flight, mission)
     await flight.arm()
     await vehicle.until(lambda: mission.is_running, 1.0)
 
@@ -272,20 +271,19 @@ async def test_resume_from_landed_in_rtl(flight: Flight, vehicle: Flown) -> None
     assert story.events == [0, 1, 2, 2, 0, 1]
 
 
-def test_resume_from_landed_with_resume_support(types: Any) -> None:
+@flying_each()
+async def test_resume_from_landed_with_resume_support(flight: Flight, vehicle: Flown) -> None:
     """The action goes on by itself, on the ground."""
+
     story = Story()
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        mission, _ = interrupted_mission(story, vehicle, LAND, LONG, on_ground=True)
-        await begun(flight, vehicle, mission)
-        await landed(flight, vehicle, mission)
-        story.follow(flight)
-        await flight.set_mode(mission)
-        await flight.arm()
-        await vehicle.until(lambda: story.events[-1] == 4, 2.0)
-
-    fly(types, program)
+    mission, _ = interrupted_mission(story, vehicle, LAND, LONG, on_ground=True)
+    await begun(flight, vehicle, mission)
+    await landed(flight, vehicle, mission)
+    story.follow(flight)
+    await flight.set_mode(mission)
+    await flight.arm()
+    await vehicle.until(lambda: story.events[-1] == 4, 2.0)
     assert story.events[-3:] == [3, ("interrupted", True), 4]
     assert f"mode {TAKEOFF}" not in story.events
 
@@ -397,8 +395,7 @@ def test_resume_with_actions(types: Any, tmp_path: Path) -> None:
 
     async def interrupted(flight: Flight, vehicle: Flown) -> None:
         mission = part(vehicle)
-        await flight.add(mission)
-        await flight.set_mode(mission)
+        await chosen(flight, mission)
         await flight.arm()
         await landed(flight, vehicle, mission)
 
@@ -566,8 +563,7 @@ def test_readyness(types: Any, caplog: pytest.LogCaptureFixture) -> None:
             name="film",
             actions={"picky": picky},
         )
-        await flight.add(mission)
-        await flight.set_mode(mission)
+        await chosen(flight, mission)
         await asyncio.sleep(2.0)
         with pytest.raises(RefusedError):
             await flight.arm()
@@ -607,8 +603,7 @@ async def nothing(_: Handler, arguments: Arguments) -> None:
 def test_a_place_that_is_out_of_reach_is_told_before_arming(types: Any, item: Item, limits: Limits, why: str) -> None:
     async def program(flight: Flight, _: Flown) -> None:
         mission = Mission(Plan((TAKE_OFF, item, ActionItem("rtl"))))
-        await flight.add(mission)
-        await flight.set_mode(mission)
+        await chosen(flight, mission)
         await asyncio.sleep(1.5)
         assert mission.unready[0].startswith(why)
         with pytest.raises(RefusedError):
@@ -640,8 +635,7 @@ def test_a_mission_that_cannot_leave_the_ground_is_told_before_arming(
 ) -> None:
     async def program(flight: Flight, _: Flown) -> None:
         mission = Mission(Plan(tuple(items)), actions={"lift": nothing})
-        await flight.add(mission)
-        await flight.set_mode(mission)
+        await chosen(flight, mission)
         await asyncio.sleep(1.5)
         assert mission.unready == ((why,) if why else ())
         if why:

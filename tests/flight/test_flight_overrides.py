@@ -15,7 +15,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.registration import Deferral, Keeps
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly, flying, flying_each
+from support.flown import EXTERNAL, Flown, chosen, fly, flying, flying_each
 
 HOLD, RETURN = 4, 5
 REQUEST = "config_overrides_request"
@@ -63,8 +63,7 @@ def test_a_low_battery_is_deferred_and_told_once(types: Any, *, is_left: bool) -
     executor.leaves_at_once = is_left
 
     async def program(flight: Flight, vehicle: Flown) -> float:
-        await flight.add(executor)
-        await flight.set_mode(Waits)
+        await chosen(flight, executor)
         await vehicle.until(lambda: _in_air(vehicle), 20.0)
         await asyncio.sleep(0.1)  # until the program knows that it defers
         vehicle.world.battery.remaining = 0.06
@@ -105,8 +104,7 @@ def test_what_was_deferred_is_not_when_the_executor_is_ended(types: Any) -> None
     """The overrides are kept by PX4, so they are taken back, and told again when the executor comes into charge."""
 
     async def program(flight: Flight, vehicle: Flown) -> Any:
-        await flight.add(Stays)
-        await flight.set_mode(Waits)
+        await chosen(flight, Stays)
         await vehicle.until(lambda: _in_air(vehicle), 20.0)
         await flight.set_mode("hold")
         await asyncio.sleep(2.0)
@@ -145,7 +143,8 @@ def test_overrides_are_confirmed_or_repeated(types: Any) -> None:
 
 
 @by_day("keeps", [True, False], 2)
-def test_the_vehicle_is_not_disarmed_after_landing(types: Any, *, keeps: bool) -> None:
+@flying_each()
+async def test_the_vehicle_is_not_disarmed_after_landing(flight: Flight, vehicle: Flown, *, keeps: bool) -> None:
     ends: list[str] = []
 
     class Lands(Executor):
@@ -157,21 +156,15 @@ def test_the_vehicle_is_not_disarmed_after_landing(types: Any, *, keeps: bool) -
             await self.takeoff(3.0)
             await self.land()
             await asyncio.sleep(10.0)
-            ends.append("armed" if vehicles[0].world.is_armed else "disarmed")
+            ends.append("armed" if vehicle.world.is_armed else "disarmed")
             await self.disarm()
             ends.append("done")
 
     Lands.keeps = Keeps(armed=keeps)
-    vehicles: list[Flown] = []
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        vehicles.append(vehicle)
-        await flight.add(Lands)
-        await flight.set_mode(Waits)
-        await vehicle.until(lambda: len(ends) == 2, 40.0)
-        assert not vehicle.world.is_armed
-
-    fly(types, program)
+    await chosen(flight, Lands)
+    await vehicle.until(lambda: len(ends) == 2, 40.0)
+    assert not vehicle.world.is_armed
     assert ends == ["armed" if keeps else "disarmed", "done"]
 
 

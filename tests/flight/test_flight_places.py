@@ -13,7 +13,7 @@ from msggen.flight import GLOBAL_POSITION, FlightError, GlobalPlace, LimitError,
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
-from support.flown import Flown, fly, flying, flying_each
+from support.flown import Flown, chosen, fly, flying, flying_each
 
 NORTH = 0.0002
 """A difference of latitude in degrees: 22.24 m."""
@@ -136,8 +136,7 @@ async def test_a_trajectory_on_the_ground_is_an_error(flight: Flight, *, has_lif
                 self.trajectory(velocity=(0.0, 0.0, -1.0))
                 await asyncio.sleep(0.5)
 
-    await flight.add(Climbs)
-    await flight.set_mode(Climbs)
+    await chosen(flight, Climbs)
     await flight.arm()
     if has_lifted:
         await flight.fly(Climbs)

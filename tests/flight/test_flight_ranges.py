@@ -18,7 +18,7 @@ from msggen.flight.setpoints import Ranges
 from msggen.messages.ranges import DEFAULTS, RANGES
 from msggen.messages.setpoints import BY_NUMBER, FIXED_WING, ROVER, ROVER_THROTTLE
 from msggen.sim import Options
-from support.flown import Flown, fly
+from support.flown import Flown, fly, flying, up
 
 ROWS = [(topic, field, found) for topic, fields in RANGES.items() for field, found in fields.items()]
 NAMES = [f"{topic}.{field}" for topic, field, _ in ROWS]
@@ -163,7 +163,8 @@ def test_modes_ask_before_anything_is_sent(px4_types: Any) -> None:
     assert {each.message.speed_body_x for each in vehicle.sent if each.topic == ROVER[1].topics[0]} == {0.0}
 
 
-def test_a_plane_is_not_sent_to_a_place_at_a_wrong_airspeed(px4_types: Any, caplog: Any) -> None:
+@flying(Options(vehicle="plane"), parameters={"FW_AIRSPD_MIN": 7.0})
+async def test_a_plane_is_not_sent_to_a_place_at_a_wrong_airspeed(flight: Flight, vehicle: Flown, caplog: Any) -> None:
     class Goes(Mode):
         setpoints = (FIXED_WING,)
 
@@ -171,16 +172,11 @@ def test_a_plane_is_not_sent_to_a_place_at_a_wrong_airspeed(px4_types: Any, capl
             for airspeed in (200.0, 6.0):
                 await asyncio.wait_for(self.goto((500.0, 0.0, -30.0), airspeed=airspeed), 0.3)
 
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.add(Goes)
-        await flight.arm()
-        await flight.takeoff(30.0)
-        with pytest.raises(ValueError, match="expected an airspeed from 7 to 100 m/s, got 200"):
-            await flight.fly(Goes)
-        sent = [each.message for each in vehicle.sent if each.topic == FIXED_WING.topics[1]]
-        assert not {200.0, 6.0} & {each.equivalent_airspeed for each in sent}
-
-    fly(px4_types, program, Options(vehicle="plane"), parameters={"FW_AIRSPD_MIN": 7.0})
+    await up(flight, vehicle, Goes)
+    with pytest.raises(ValueError, match="expected an airspeed from 7 to 100 m/s, got 200"):
+        await flight.fly(Goes)
+    sent = [each.message for each in vehicle.sent if each.topic == FIXED_WING.topics[1]]
+    assert not {200.0, 6.0} & {each.equivalent_airspeed for each in sent}
     assert not [each for each in caplog.records if "usually" in each.getMessage()]
 
 

@@ -20,7 +20,7 @@ from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY, Kind
 from msggen.sim import Options
 from msggen.sim.loop import run
 from support.examples import by_day, examples
-from support.flown import Flown, fly, flying
+from support.flown import Flown, fly, flying, up
 
 LATERAL, LONGITUDINAL, *_ = FIXED_WING.topics
 LIMIT = 250.0
@@ -208,9 +208,7 @@ def flown_blind(package: Any, mode: type[Blinded], limits: Limits = NO_LIMITS, *
     async def program(flight: Flight, vehicle: Flown) -> None:
         assert isinstance(vehicle, Blind)
         made = mode(vehicle)
-        await flight.add(made)
-        await flight.arm()
-        await flight.takeoff(30.0)
+        await up(flight, vehicle, made)
         vehicle.is_blind = is_blind
         await asyncio.sleep(0.5)
         await flight.fly(made)

@@ -14,10 +14,9 @@ from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode
 from msggen.flight.running_mode import ActiveMode
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, Line, Short, fly, flying, flying_each
+from support.flown import EXTERNAL, SETPOINTS, Flown, Line, Short, fly, flying, flying_each
 
 HOLD, LAND = 4, 18
-SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
 
 
 class Turns(Mode):

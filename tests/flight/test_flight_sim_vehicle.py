@@ -20,7 +20,7 @@ from msggen.flight.pytest.flown import Recording
 from msggen.sim import Options
 from msggen.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
 from support.examples import by_day
-from support.flown import CORNERS, Square, Tour
+from support.flown import CORNERS, Tour, chosen
 
 
 class Waits(Mode, name="Waits"):
@@ -29,8 +29,7 @@ class Waits(Mode, name="Waits"):
 
 
 async def tour(flight: Flight) -> None:
-    await flight.add(Tour)
-    await flight.set_mode(Square)
+    await chosen(flight, Tour)
     await flight.arm()
     await flight.wait_disarmed()
 
@@ -55,6 +54,12 @@ def left_mode(vehicle: SimVehicle, fault: Any, seconds: float = 7.0) -> list[str
 
     vehicle.run(program)
     return vehicle.modes[vehicle.modes.index("Waits") + 1 :]
+
+
+@pytest.fixture
+def vehicle(px4_types: Any) -> SimVehicle:
+    """A vehicle on its own clock."""
+    return SimVehicle(px4_types)
 
 
 # what was flown
@@ -102,8 +107,7 @@ def test_answers_tell_their_reason(flown: SimVehicle, px4_types: Any) -> None:
     assert not SimVehicle(px4_types).flown_past((100.0, 0.0))
 
 
-def test_a_vehicle_goes_on_in_the_next_run(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
+def test_a_vehicle_goes_on_in_the_next_run(vehicle: SimVehicle) -> None:
     assert vehicle.time >= 1_000_000
 
     async def up(flight: Flight, height: float) -> str:
@@ -136,8 +140,7 @@ def test_a_program_that_does_not_end_when_it_is_cancelled_fails(px4_types: Any) 
         vehicle.run(stubborn)
 
 
-def test_until_waits(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
+def test_until_waits(vehicle: SimVehicle) -> None:
 
     async def program(flight: Flight) -> tuple[float, str]:
         await flight.arm()
@@ -262,8 +265,7 @@ def test_all_faults_of_msggen_sim_are_compared() -> None:
     assert compared == {name.partition("=")[0] for name in NAMES} - of_the_link
 
 
-def test_sticks_that_are_gone_let_the_vehicle_return(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
+def test_sticks_that_are_gone_let_the_vehicle_return(vehicle: SimVehicle) -> None:
     vehicle.faults.sticks(there=True)
     assert left_mode(vehicle, lambda faults: faults.sticks(there=False)) == ["hold", "return"]
 
@@ -273,8 +275,7 @@ def test_a_critical_battery_does_what_its_parameter_says(px4_types: Any) -> None
     assert left_mode(vehicle, lambda faults: faults.low_battery(0.06)) == ["hold", "land"]
 
 
-def test_a_restarted_vehicle_knows_no_programs(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
+def test_a_restarted_vehicle_knows_no_programs(vehicle: SimVehicle) -> None:
 
     async def program(flight: Flight) -> None:
         await in_mode(flight, vehicle)
@@ -286,8 +287,7 @@ def test_a_restarted_vehicle_knows_no_programs(px4_types: Any) -> None:
     vehicle.run(program)
 
 
-def test_a_fault_comes_at_its_time(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
+def test_a_fault_comes_at_its_time(vehicle: SimVehicle) -> None:
     vehicle.faults.pilot_takes_over("land", at=23.0)
     vehicle.faults.lose_position(1.0, at=20.0)
 
@@ -330,8 +330,7 @@ def test_a_share_is_checked(px4_types: Any, share: float) -> None:
         faults.low_battery(share)
 
 
-def test_an_unknown_mode_is_told(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
+def test_an_unknown_mode_is_told(vehicle: SimVehicle) -> None:
     with pytest.raises(ValueError, match="hold"):
         vehicle.faults.pilot_takes_over("holding")
 

@@ -13,10 +13,9 @@ from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from support.examples import by_day
-from support.flown import Flown, fly, flying, flying_each
+from support.flown import SETPOINTS, Flown, fly, flying, flying_each
 
 HOLD, OFFBOARD, LAND = 4, 14, 18
-SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
 EAST = (0.0, 3.0, 0.0)
 
 

@@ -20,9 +20,8 @@ from msggen.flight.pytest import SimVehicle
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES, ROVER
 from msggen.sim import Options
 from support.examples import examples
-from support.flown import Flown, fly, flying
+from support.flown import SETPOINTS, Flown, fly, flying
 
-SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 RETURN = 5
 BAD = st.sampled_from([math.nan, math.inf, -math.inf, 1e39, -1e300])
 GOOD = st.floats(-50.0, 50.0)

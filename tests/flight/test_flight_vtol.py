@@ -17,7 +17,7 @@ from msggen.messages.setpoints import FIXED_WING, GOTO, TRAJECTORY
 from msggen.messages.vehicle_types import VtolState
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly, flying, flying_each
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each, up
 
 VTOL = Options(vehicle="vtol")
 _LATERAL, _LONGITUDINAL, *_ = FIXED_WING.topics
@@ -39,15 +39,6 @@ def state(vehicle: Flown) -> VtolState:
     found = vehicle.world.vtol_state
     assert found is not None
     return VtolState(found)
-
-
-async def up(flight: Flight, vehicle: Flown, mode: Mode | type[Mode] | None = None) -> None:
-    """Take off, and let a mode fly if one is given."""
-    if mode is not None:
-        await flight.add(mode)
-    await flight.arm()
-    await flight.takeoff(20.0)
-    await vehicle.until(lambda: vehicle.world.mode == 4, 2.0)
 
 
 @by_day(("kind", "takes_both"), [("vtol", False), ("tailsitter", True), ("tailsitter", False), ("vtol", True)], 3)
@@ -73,7 +64,7 @@ def test_a_mode_flies_forward_and_back(types: Any, kind: str, takes_both: bool) 
         found = vehicle
         commander = vehicle.world.commander
         commander.rules = commander.rules._replace(takes_both_of_vtol=takes_both)
-        await up(flight, vehicle, There)
+        await up(flight, vehicle, There, 20.0)
         await flight.fly(There)
 
     if not has_wings(types):
@@ -92,7 +83,7 @@ async def test_before_v1_17_a_vtol_changes_in_modes_of_px4(flight: Flight, vehic
         async def fly(self) -> None:
             await self.to_fixed_wing()
 
-    await up(flight, vehicle, Asks)
+    await up(flight, vehicle, Asks, 20.0)
     wanted = r"before PX4 v1.17.*`await flight.hold\(\)`, then `await flight.to_fixed_wing\(\)`"
     if has_wings(types):
         wanted = "add `FIXED_WING` to its `setpoints`"
@@ -129,7 +120,7 @@ async def test_the_mode_of_a_program_and_offboard_change_by_their_own_call(fligh
         async def fly(self) -> None:
             await self.hold(1000.0)
 
-    await up(flight, vehicle, Stays)
+    await up(flight, vehicle, Stays, 20.0)
     await flight.set_mode(EXTERNAL)
     with pytest.raises(FlightError, match=r"`await self.to_fixed_wing\(\)` in the mode, or `await flight.hold\(\)`"):
         await flight.to_fixed_wing()
@@ -144,7 +135,7 @@ def test_a_vehicle_that_is_not_heard_or_does_not_change_is_told(px4_types: Any) 
     assert TRANSITION > 15.0  # VT_TRANS_TIMEOUT
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle)
+        await up(flight, vehicle, height=20.0)
         begin = vehicle.time
         with pytest.raises(NotReachedError, match="has not changed to forward flight within 1 s"):
             await flight.to_fixed_wing(timeout=1.0)
@@ -175,7 +166,7 @@ async def test_a_quad_chute_in_a_transition_is_told_and_the_mode_holds_its_place
                 await self.to_fixed_wing()
             await asyncio.sleep(3.0)
 
-    await up(flight, vehicle, Falls)
+    await up(flight, vehicle, Falls, 20.0)
     flying = asyncio.ensure_future(flight.fly(Falls))
     await vehicle.until(lambda: vehicle.world.vtol_state == VtolState.TO_FORWARD, 3.0)
     await asyncio.sleep(0.5)
@@ -207,7 +198,7 @@ async def test_a_quad_chute_in_forward_flight_ends_the_way_and_holds(
     is_ready: Any = None
 
     is_ready = asyncio.Event()
-    await up(flight, vehicle, Falls)
+    await up(flight, vehicle, Falls, 20.0)
     flying = asyncio.ensure_future(flight.fly(Falls))
     await is_ready.wait()
     await asyncio.sleep(1.0)
@@ -239,7 +230,7 @@ def test_a_mode_without_setpoints_for_how_the_vtol_flies_is_not_entered(
     wrong = "on its wings now" if mode is Hovers else "hovers now"
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        await up(flight, vehicle, mode)
+        await up(flight, vehicle, mode, 20.0)
         if mode is Hovers:
             await flight.to_fixed_wing()
         await asyncio.sleep(1.0)
@@ -261,7 +252,7 @@ async def test_a_mode_that_a_transition_catches_without_setpoints_is_left(
     flight: Flight, vehicle: Flown, seconds: float
 ) -> None:
     """It was entered just before PX4 asked, or a pilot lets the vehicle change in it."""
-    await up(flight, vehicle, Hovers)
+    await up(flight, vehicle, Hovers, 20.0)
     if not seconds:
         await flight.set_mode(Hovers)
     vehicle.world.command(VTOL_TRANSITION, [4.0, 0.0, *[0.0] * 5])
@@ -303,7 +294,7 @@ def test_what_a_vtol_does_not_follow_now_is_an_error(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         nonlocal vehicle_
         vehicle_ = vehicle
-        await up(flight, vehicle, Tries)
+        await up(flight, vehicle, Tries, 20.0)
         await flight.fly(Tries)
 
     fly(px4_types, program, VTOL)
@@ -324,7 +315,7 @@ async def test_a_cancelled_change_is_completed_and_then_the_mode_holds(flight: F
                 await asyncio.wait_for(self.to_fixed_wing(), 1.0)
             await asyncio.sleep(4.0)
 
-    await up(flight, vehicle, Cancels)
+    await up(flight, vehicle, Cancels, 20.0)
     await flight.fly(Cancels)
     assert state(vehicle) == VtolState.FORWARD
     here = vehicle.world.flight.position

@@ -23,7 +23,7 @@ from msggen.messages.nav_states import RETURN
 from msggen.messages.setpoints import ATTITUDE, FIXED_WING, RATES
 from msggen.sim import Options
 from support.examples import by_day
-from support.flown import EXTERNAL, Flown, fly, flying, flying_each
+from support.flown import EXTERNAL, Flown, fly, flying, flying_each, up
 
 PLANE = Options(vehicle="plane")
 LATERAL, LONGITUDINAL, *CONFIGURATIONS = FIXED_WING.topics
@@ -34,14 +34,6 @@ class Glides(Mode):
     """A mode of a plane."""
 
     setpoints = (FIXED_WING,)
-
-
-async def up(flight: Flight, vehicle: Flown, mode: Mode | type[Mode]) -> None:
-    """Take off, until the plane circles in Hold."""
-    await flight.add(mode)
-    await flight.arm()
-    await flight.takeoff(30.0)
-    await vehicle.until(lambda: vehicle.world.mode == 4, 2.0)
 
 
 def sent(call: Any, frame: str = "ned") -> tuple[Any, Any]:
@@ -282,19 +274,17 @@ async def test_a_plane_that_has_not_taken_off_is_told(flight: Flight, vehicle: F
     await disarmed
 
 
-def test_a_plane_that_returns_circles(types: Any, caplog: pytest.LogCaptureFixture) -> None:
-    async def program(flight: Flight, vehicle: Flown) -> None:
-        await flight.arm()
-        await flight.takeoff(30.0)
-        home = vehicle.world.home
-        await flight.goto(latitude=home.latitude + 0.003, longitude=home.longitude, altitude=home.altitude + 40.0)
-        await asyncio.wait_for(flight.return_home(), 300.0)
-        assert vehicle.world.mode == 5
-        assert math.hypot(*vehicle.world.flight.position[:2]) < 110.0
-        await flight.land()
-        await flight.wait_disarmed()
-
-    fly(types, program, PLANE)
+@flying_each(PLANE)
+async def test_a_plane_that_returns_circles(flight: Flight, vehicle: Flown, caplog: pytest.LogCaptureFixture) -> None:
+    await flight.arm()
+    await flight.takeoff(30.0)
+    home = vehicle.world.home
+    await flight.goto(latitude=home.latitude + 0.003, longitude=home.longitude, altitude=home.altitude + 40.0)
+    await asyncio.wait_for(flight.return_home(), 300.0)
+    assert vehicle.world.mode == 5
+    assert math.hypot(*vehicle.world.flight.position[:2]) < 110.0
+    await flight.land()
+    await flight.wait_disarmed()
     assert (
         "the return has ended in a circle, and PX4 does not land the plane: `await flight.land()` does" in caplog.text
     )

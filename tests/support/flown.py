@@ -19,6 +19,7 @@ from msggen.sim.near import NearVehicle
 
 _Result = TypeVar("_Result")
 EXTERNAL = 23
+SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
 CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0))
 _TAKEOFF = 17
 _THRUSTING = 1_800_000
@@ -159,6 +160,21 @@ class Flown(NearVehicle):
         await flight.add(mode)
         await self.in_air(flight)
         await flight.set_mode(mode)
+
+
+async def up(flight: Flight, vehicle: Flown, mode: Mode | type[Mode] | None = None, height: float = 30.0) -> None:
+    """Register a mode if one is given, and take off, until the vehicle is in Hold."""
+    if mode is not None:
+        await flight.add(mode)
+    await flight.arm()
+    await flight.takeoff(height)
+    await vehicle.until(lambda: vehicle.world.mode == 4, 2.0)
+
+
+async def chosen(flight: Flight, part: Any) -> None:
+    """Register a mode or an executor, and select it."""
+    await flight.add(part)
+    await flight.set_mode(part)
 
 
 def fly(
