@@ -146,11 +146,15 @@ def commit_of(folder: str, revision: str) -> str:
     if not revision or revision.startswith("-") or "\0" in revision:
         raise GitError(f"{revision!r} is not a valid name of a revision")
     try:
-        found = git(folder, "rev-parse", "--verify", "--quiet", revision).decode().strip()
-        return git(folder, "rev-parse", "--verify", "--quiet", f"{found}^{{commit}}").decode().strip()
+        named = revision if ":" not in revision else _parsed(folder, revision)  # a path or a text may end in anything
+        return _parsed(folder, f"{named}^{{commit}}")
     except GitError:
         git(folder, "rev-parse", "--git-dir")
         raise GitError(f"the repository has no revision '{revision}'") from None
+
+
+def _parsed(folder: str, revision: str) -> str:
+    return git(folder, "rev-parse", "--verify", "--quiet", revision).decode().strip()
 
 
 def revisions(folder: str) -> list[str]:
