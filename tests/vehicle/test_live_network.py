@@ -18,6 +18,7 @@ from support.ports import free_port
 from support.zenoh_space import GUID, OTHER, session
 
 pytest.importorskip("zenoh")
+pytest_plugins = ["support.owned_links"]
 
 
 def until(condition: Any, seconds: float = 20.0) -> None:
@@ -234,3 +235,22 @@ def test_a_slow_reader_loses_its_own_samples_only(px4_types: Any) -> None:
             command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1, from_external=True)
             assert send_command(vehicle, command, 10.0).result == 0
             hung.set()
+
+
+@pytest.mark.usefixtures("owned")
+def test_programs_share_a_link_to_a_network(px4_types: Any) -> None:
+    """A process owns it for both, asks for last samples there, and subscribes to what they follow together."""
+    with networked(px4_types) as space, Vehicle(space.url, px4_types) as first, Vehicle(space.url, px4_types) as second:
+        assert first.is_shared
+        assert first.wait_connected(20.0) == second.wait_connected(20.0)
+        assert str(second.wait_firmware(10.0)) == "v1.18"
+        home = first.subscribe("home_position")
+        until(lambda: home.latest() is not None)
+        with second.subscribe("vehicle_attitude") as attitudes:
+            attitudes.wait_for(lambda _: True, 10.0)
+        (vehicle,) = space.server.owner.vehicles.values()
+        names = {"/fmu/out/home_position_v1"}
+        until(lambda: {name for name, row in vehicle.rows.items() if row.programs} == names)
+        command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1, from_external=True)
+        assert send_command(second, command, 10.0).result == 0
+        assert not space.network.refusals.counts
