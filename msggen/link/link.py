@@ -61,9 +61,9 @@ class Remote(NamedTuple):
     number: int
     """Counts the vehicles that connected to this link, from 1."""
     address: str
-    """`127.0.0.1:40123`, the path of a serial device, `domain 0`, or the `guid`."""
+    """`127.0.0.1:40123`, the path of a serial device, `domain 0`, or the node on Zenoh: the `guid`, or `msggen_1`."""
     key: int
-    """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS and Zenoh."""
+    """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS and of PX4's module `zenoh`."""
     namespace: str
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not told."""
     continued: bool

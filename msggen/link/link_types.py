@@ -153,10 +153,12 @@ LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
             ("config",),
             unheard="no vehicle is on Zenoh at {link} {wait}: check that PX4 v1.17 or later runs `zenoh start` "
             "(ZENOH_ENABLE 1) and that zenoh/net.txt on its card has this computer's address, as in "
-            "client;tcp/10.41.10.1:{port}; a router drops v1.15 without a word (protocol 0x07), so update it. Without "
-            "a vehicle, `msggen sim --zenoh tcp/127.0.0.1:{port}` simulates one",
+            "client;tcp/10.41.10.1:{port}; a router drops v1.15 without a word (protocol 0x07), so update it. On a "
+            "network, check `msggen link serve --zenoh` where the vehicle is. Without a vehicle, `msggen sim --zenoh "
+            "tcp/127.0.0.1:{port}` simulates one",
             silence="check that PX4 v1.17 or later runs `zenoh start` (ZENOH_ENABLE 1), and that zenoh/net.txt on its "
-            "card has the address of this router; v1.15 cannot talk to it",
+            "card has the address of this router; v1.15 cannot talk to it. On a network, check `msggen link serve "
+            "--zenoh` where the vehicle is",
             first_s=11.0,  # PX4 asks for a router every 5 s, and may wait 5 s for its network before
         ),
         "unix": LinkType(

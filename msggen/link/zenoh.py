@@ -64,6 +64,8 @@ class ZenohLink(Link):
         self._vehicles = Vehicles(self._tell, self._is_own)
         self._subscribed: dict[str, Declared] = {}
         """What is subscribed to, by key. The thread of the link has it."""
+        self._chosen: frozenset[str] | None = None
+        """The keys that were wanted then."""
         self._listener: Listener | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
@@ -149,7 +151,8 @@ class ZenohLink(Link):
 
     def is_settled(self) -> bool:
         """Whether all vehicles have connected, as far as it is known. PX4 looks for a router every 5 s."""
-        return not self.is_router or time.monotonic() - self._opened_at > _SETTLED_S
+        patience = _SETTLED_S if self.is_router else _TOKENS_S
+        return time.monotonic() - self._opened_at > patience
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes of a connected vehicle."""
@@ -179,6 +182,7 @@ class ZenohLink(Link):
     def _begin(self, session: Session) -> None:
         """Fill the queue from a session."""
         self._subscribed.clear()
+        self._chosen = None
         session.tokens(self._take_token)
 
     def _is_own(self, zid: str) -> bool:
@@ -222,7 +226,7 @@ class ZenohLink(Link):
                     looked = moment
                     self._vehicles.tick(time.monotonic_ns())
                     self._connection.look()
-                if self._vehicles.wanted != self._subscribed.keys():
+                if self._vehicles.wanted is not self._chosen:
                     self._subscribe(moment)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
             failure = f"the link failed: {type(error).__name__}: {error}"
@@ -237,6 +241,7 @@ class ZenohLink(Link):
         session, wanted = self._connection.session, self._vehicles.wanted
         if session is None or (EVERYTHING in wanted and moment - self._opened_at < _TOKENS_S):
             return
+        self._chosen = wanted
         for key in self._subscribed.keys() - wanted:
             self._subscribed.pop(key).withdraw()
         with suppress(LinkError):  # the session has ended, and another one follows

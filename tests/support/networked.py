@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import socket
+import threading
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -67,3 +70,34 @@ def networked(  # noqa: PLR0913 - keywords, each of which has a default
         Simulator(px4, f"udp://127.0.0.1:{link.port}", options, speed=speed) as simulator,
     ):
         yield Networked(f"zenoh://127.0.0.1:{port}", simulator, server, network)
+
+
+@contextmanager
+def standing(port: int) -> Iterator[tuple[int, threading.Event]]:
+    """Forward the connections of a port of its own to another port, but nothing while an event is set."""
+    still, ends = threading.Event(), list[socket.socket]()
+
+    def forward(source: socket.socket, target: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(4096):
+                while still.is_set():
+                    time.sleep(0.01)
+                target.sendall(data)
+
+    def serve() -> None:
+        with suppress(OSError):
+            while True:
+                near, far = listening.accept()[0], socket.create_connection(("127.0.0.1", port))
+                ends.extend((near, far))
+                for pair in ((near, far), (far, near)):
+                    threading.Thread(target=forward, args=pair, daemon=True).start()
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=serve, daemon=True).start()
+        try:
+            yield listening.getsockname()[1], still
+        finally:
+            still.clear()
+            listening.shutdown(socket.SHUT_RDWR)
+            for end in ends:
+                end.close()

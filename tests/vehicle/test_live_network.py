@@ -13,11 +13,12 @@ from msggen.generate.cache import package_of
 from msggen.link.rmw_zenoh.names import Attachment, parse_attachment, parse_token
 from msggen.live import LinkError, TopicError, Vehicle
 from msggen.vehicle.command import send_command
-from support.networked import CALM, networked
+from support.networked import CALM, networked, standing
 from support.ports import free_port
 from support.zenoh_space import GUID, OTHER, session
 
 pytest.importorskip("zenoh")
+pytest_plugins = ["support.owned_links"]
 
 
 def until(condition: Any, seconds: float = 20.0) -> None:
@@ -234,3 +235,55 @@ def test_a_slow_reader_loses_its_own_samples_only(px4_types: Any) -> None:
             command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1, from_external=True)
             assert send_command(vehicle, command, 10.0).result == 0
             hung.set()
+
+
+def test_what_waits_in_a_connection_that_stands_still_does_not_reach_the_vehicle(px4_types: Any) -> None:
+    """TCP delivers it when the connection is back, later than 0.5 s after it was published."""
+    ages: list[float] = []
+    with (
+        networked(px4_types) as space,
+        standing(int(space.url.rpartition(":")[2])) as (port, still),
+        Vehicle(f"zenoh://127.0.0.1:{port}", px4_types, direct=True) as vehicle,
+    ):
+        link = space.network._link
+        publish = link.publish
+
+        def watched(remote: Any, route: Any, payload: bytes, until: int = 0) -> None:
+            if route.name.endswith("offboard_control_mode"):
+                ages.append(time.time() - px4_types.OffboardControlMode.decode(payload).timestamp / 1e6)
+            publish(remote, route, payload, until)
+
+        link.publish = watched  # type: ignore[method-assign]
+        vehicle.wait_connected(20.0)
+
+        def message() -> Any:
+            return px4_types.OffboardControlMode(timestamp=time.time_ns() // 1000)
+
+        with vehicle.every(50, message):
+            until(lambda: len(ages) > 10)
+            still.set()
+            time.sleep(1.5)
+            before = len(ages)
+            still.clear()
+            until(lambda: len(ages) > before + 10)
+        assert space.network.refusals.counts["/fmu/in/offboard_control_mode"] > 5
+    assert max(ages) < 0.6
+
+
+@pytest.mark.usefixtures("owned")
+def test_programs_share_a_link_to_a_network(px4_types: Any) -> None:
+    """A process owns it for both, asks for last samples there, and subscribes to what they follow together."""
+    with networked(px4_types) as space, Vehicle(space.url, px4_types) as first, Vehicle(space.url, px4_types) as second:
+        assert first.is_shared
+        assert first.wait_connected(20.0) == second.wait_connected(20.0)
+        assert str(second.wait_firmware(10.0)) == "v1.18"
+        home = first.subscribe("home_position")
+        until(lambda: home.latest() is not None)
+        with second.subscribe("vehicle_attitude") as attitudes:
+            attitudes.wait_for(lambda _: True, 10.0)
+        (vehicle,) = space.server.owner.vehicles.values()
+        names = {"/fmu/out/home_position_v1"}
+        until(lambda: {name for name, row in vehicle.rows.items() if row.programs} == names)
+        command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1, from_external=True)
+        assert send_command(second, command, 10.0).result == 0
+        assert not space.network.refusals.counts

@@ -76,6 +76,11 @@ class Vehicle:
         """The clock of the process that carries it, in ns since 1970, once it is heard."""
 
     @property
+    def teller(self) -> str:
+        """Who tells of it."""
+        return "its own link, or the process that carries it," if self.is_carried else "PX4, or its module zenoh,"
+
+    @property
     def beats(self) -> list[str]:
         """The keys on which it is told that it is carried. A process that was killed leaves its session behind."""
         domain, namespace, _ = self.identity

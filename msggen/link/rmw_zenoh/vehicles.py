@@ -276,7 +276,7 @@ class Vehicles:
             del vehicle.sessions[zid]
             self._choose()
         if not vehicle.publishes:
-            self._disconnect(vehicle, "its tokens are gone: PX4, or its module zenoh, has ended")
+            self._disconnect(vehicle, f"its tokens are gone: {vehicle.teller} has ended")
             if not vehicle.sessions:
                 self._forget(vehicle)
         elif not keys and vehicle.remote is not None:

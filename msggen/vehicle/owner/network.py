@@ -10,8 +10,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from msggen.link.address import Address
 from msggen.link.age import LATE_OR_BEHIND, LONGEST_NS, expiry
@@ -169,15 +170,15 @@ class Network:
         self._strangers.clear()
         session.tokens(self._take_token)
         for vehicle in tuple(self._vehicles.values()):
+            vehicle.declared.clear()  # it has ended with the session before
             self._declare(vehicle)
 
     def _take_token(self, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
         if self._queue.qsize() < _MOST_TOKENS:
             self._queue.put(lambda: self._note(text, is_alive=is_alive))
 
-    def _take_sample(self, vehicle: _Vehicle, topic: Topic, payload: bytes, attachment: bytes | None) -> None:
-        arrived = time.time_ns()
-        until = expiry()
+    def _take_sample(self, vehicle: _Vehicle, topic: Topic, _: str, payload: bytes, attachment: bytes | None) -> None:
+        arrived, until = time.time_ns(), expiry()
         if self._queue.qsize() >= _MOST:
             self.refusals.add(topic.key.name, f"more than {_MOST} samples wait")
         else:
@@ -223,6 +224,8 @@ class Network:
         found = self._strangers.get(place[0], set())
         if is_alive and len(found) < _MOST and (found or len(self._strangers) < _MOST):
             self._strangers.setdefault(place[0], set()).add(text)
+            if any(each.entry.remote.namespace == place[0] for each in self._vehicles.values()):
+                self._tell(_taken(place[0]))
         elif not is_alive and text in found:
             found.discard(text)
             if not found:
@@ -307,12 +310,13 @@ class Network:
             for topic in sorted(vehicle.topics.values(), key=lambda each: each.route.direction):
                 text = str(topic.key)
                 if topic.route.direction == "in":
-                    take = _bound(self._take_sample, vehicle, topic)
+                    take = partial(self._take_sample, vehicle, topic)
                     vehicle.declared += [session.subscribe(text, take), session.declare(token_of("MS", topic))]
                 else:
                     token = token_of("MP", topic)
                     publisher = session.publisher(text, self._follower(remote, topic.route))
                     flows[remote.number, topic.route.name] = Flow(publisher, gid_of(token))
+                    self._follow(remote, topic.route, is_followed=publisher.is_heard)
                     answered = session.answer(text, self._answerer(remote, topic))
                     vehicle.declared += [publisher, answered, session.declare(token)]
         self._flows = flows
@@ -333,9 +337,13 @@ class Network:
         self._sort()
 
     def _follower(self, remote: Remote, route: Route) -> Callable[[bool], None]:
-        """Return what to do when the first subscriber of a topic comes, and the last one goes.
+        """Return what to do when the first subscriber of a topic comes, and the last one goes."""
+        return lambda is_heard: self._queue.put(lambda: self._follow(remote, route, is_followed=is_heard))
 
-        What has arrived while the first one came is published then: an acknowledgement can be faster.
+    def _follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
+        """Begin or end to follow a topic.
+
+        What has arrived while its subscriber came is published then: an acknowledgement can be faster.
         """
 
         def catch_up() -> None:
@@ -343,12 +351,9 @@ class Network:
             if found is not None and flow is not None and max(flow.newest, time.time_ns() - LONGEST_NS) < found.time:
                 flow.put(found.payload, found.time)
 
-        def follow(is_followed: bool) -> None:  # noqa: FBT001 - as Session calls it
-            self._link.follow(remote, route, is_followed=is_followed)
-            if is_followed:
-                self._aside.do(catch_up)
-
-        return lambda is_followed: self._queue.put(lambda: follow(is_followed))
+        self._link.follow(remote, route, is_followed=is_followed)
+        if is_followed:
+            self._aside.do(catch_up)
 
     def _answerer(self, remote: Remote, topic: Topic) -> Callable[[Question], None]:
         """Return what tells the last sample of a topic."""
@@ -391,9 +396,5 @@ _TYPES: Final = "name the vehicle's firmware, --px4 PX4-Autopilot, or its packag
 
 
 def _taken(namespace: str) -> str:
-    name = f"the namespace '{namespace}'" if namespace else "topics without a namespace"
-    return f"another program publishes {name} on this network: {NAMESPACES}"
-
-
-def _bound(take: Callable[..., None], *arguments: Any) -> Callable[[str, bytes, bytes | None], None]:
-    return lambda _, payload, attachment: take(*arguments, payload, attachment)
+    name = f"of the namespace '{namespace}'" if namespace else "without a namespace"
+    return f"another program publishes topics {name} on this network: {NAMESPACES}"
