@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -64,7 +65,9 @@ def test_ruff_is_content_with_the_generated_package() -> None:
     "paths", [("msggen",), pytest.param((), marks=pytest.mark.night)], ids=["the product", "the tests, too"]
 )
 def test_mypy_is_content(paths: tuple[str, ...]) -> None:
-    run("mypy", *paths)
+    """In a fresh clone, which no later run follows, mypy writes no cache: that takes a fifth of its time."""
+    is_fresh = not any((ROOT / ".mypy_cache").glob("3.*"))
+    run("mypy", *([f"--cache-dir={os.devnull}"] if is_fresh else []), *paths)
 
 
 @pytest.mark.slow
