@@ -143,11 +143,13 @@ class ZenohLink(Link):
         """Return the last sample of a route that the process has that carries the vehicle. None if it tells none."""
         session, vehicle = self._connection.session, self._vehicles.carried(remote)
         known = vehicle.routes.get(route.name) if vehicle is not None else None
-        if session is None or known is None or threading.current_thread() is self._thread:
+        if session is None or vehicle is None or known is None or threading.current_thread() is self._thread:
             return None
-        answer = session.ask(known.text, _ANSWER_S)
-        told = parse_attachment(answer[1]) if answer is not None else None
-        return Sample(remote, route, answer[0], told.time) if answer is not None and told is not None else None
+        for payload, attachment in session.ask(known.text, _ANSWER_S):
+            told = parse_attachment(attachment)
+            if told is not None and told.gid in vehicle.gids:
+                return Sample(remote, route, payload, told.time)
+        return None
 
     def is_settled(self) -> bool:
         """Whether all vehicles have connected, as far as it is known. PX4 looks for a router every 5 s."""

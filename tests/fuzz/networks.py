@@ -19,9 +19,8 @@ from msggen.link.age import LONGEST_NS, expiry, now
 from msggen.link.link import LinkError, Remote, Route
 from msggen.link.rmw_zenoh.names import Attachment, Key, Qos, Token
 from msggen.vehicle.entry import Entry
-from msggen.vehicle.owner import network as module
 from msggen.vehicle.owner.network import Network
-from msggen.vehicle.owner.network_topics import Topic
+from msggen.vehicle.owner.network_topics import OnNetwork, Topic
 from support.zenoh_space import GUID, ZID
 
 COUNT = 40
@@ -82,7 +81,7 @@ def check(case: Case) -> None:
     info = message.__msg__
     route = Route(NAME, info.ros_type, "in", 1)
     topic = Topic(route, Key(0, NAME, info.ros_type, info.type_hash), Qos(), message)
-    vehicle = module._Vehicle(Entry(Remote(1, "", 1, "", continued=False), network._link, lambda *_: None))
+    vehicle = OnNetwork(Entry(Remote(1, "", 1, "", continued=False), network._link, lambda *_: None))
     try:
         for number in range(1, case.size + 1):
             chance.choice((_token, _token, _sample, _sample, _many))(network, vehicle, topic, chance)

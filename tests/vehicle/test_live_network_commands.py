@@ -64,9 +64,11 @@ def test_a_process_owns_a_link_and_carries_its_vehicle(url: str, px4_types: Any,
         assert (echoed.code, echoed.stdout) == (0, "4 (AUTO_LOITER)\n---\n")
         listed = run(["topic", "list", *link])
         assert len(listed.stdout.splitlines()) >= 69
-        assert run(["command", "arm", *link]).stdout == "COMPONENT_ARM_DISARM: ACCEPTED\n"
-        told = run(["topic", "info", "vehicle_status", *link])
-        assert "on Zenoh" not in told.stdout
+        told = [run(["command", "arm", *link])]
+        while told[-1].code and len(told) < 4:  # a busy computer can let it wait for more than 0.5 s
+            told.append(run(["command", "arm", *link]))
+        assert told[-1].stdout == "COMPONENT_ARM_DISARM: ACCEPTED\n"
+        assert "on Zenoh" not in run(["topic", "info", "vehicle_status", *link]).stdout
         target = tmp_path / "flight.mcap"
         recorded = run(["record", "vehicle_attitude", "--for", "1", "-o", str(target), *link])
         assert recorded.code == 0, recorded
@@ -93,7 +95,7 @@ def test_in_the_background_it_has_the_types_that_are_named(url: str, px4_types: 
     assert run(["link", "stop", url]).stdout == f"{url} is closed\n"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.usefixtures("owned")
 def test_a_vehicle_behind_an_agent_is_carried(px4_types: Any) -> None:
     domain, router = next(ZENOH_DOMAINS), f"127.0.0.1:{free_port()}"

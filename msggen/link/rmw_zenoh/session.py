@@ -170,13 +170,12 @@ class Session:
         with _errors(f"answer about '{key}'"):
             return Declared(self._session.declare_queryable(key, ask))
 
-    def ask(self, key: str, seconds: float) -> tuple[bytes, bytes] | None:
-        """Return payload and attachment of the answer to a question about a key. None if there is none in time."""
+    def ask(self, key: str, seconds: float) -> Iterator[tuple[bytes, bytes]]:
+        """Yield payload and attachment of each answer to a question about a key that comes in time."""
         with suppress(zenoh.ZError):
             for reply in self._session.get(key, timeout=seconds):
                 if reply.ok is not None and reply.ok.attachment is not None:
-                    return bytes(reply.ok.payload), bytes(reply.ok.attachment)
-        return None
+                    yield bytes(reply.ok.payload), bytes(reply.ok.attachment)
 
     def close(self) -> None:
         """End the session."""

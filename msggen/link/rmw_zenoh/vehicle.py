@@ -76,6 +76,11 @@ class Vehicle:
         """The clock of the process that carries it, in ns since 1970, once it is heard."""
 
     @property
+    def is_heard(self) -> bool:
+        """Whether the clock of the process that carries it is known, if one does."""
+        return self.clock is not None or not self.is_carried
+
+    @property
     def teller(self) -> str:
         """Who tells of it."""
         return "its own link, or the process that carries it," if self.is_carried else "PX4, or its module zenoh,"

@@ -1,13 +1,10 @@
 """The vehicles in a key space, without input and output: tokens and samples in, events of a link out.
 
-Tokens tell what a vehicle has. A firmware without tokens (CONFIG_ZENOH_RMW_LIVELINESS=n) has what it publishes. PX4
-has one gid for all its topics, which is also in the name of its node: it is the vehicle's identity, with its domain and
-its namespace. A node of another program that publishes topics of PX4 is a vehicle too, of the name of its node: a
-process of msggen that carries a vehicle over the network (`names.carrier_of`), or a node of ROS 2. Only PX4 has
-surplus bytes behind its samples and names without versions.
-
-A carried vehicle is told to be there by a beat. So of its topics only those that are followed have to cross the
-network: `wanted` has the keys to subscribe to.
+Tokens tell what a vehicle has. A firmware without tokens (CONFIG_ZENOH_RMW_LIVELINESS=n) has what it publishes. A
+vehicle is known by its domain, its namespace and the name of its node: PX4's has its guid, which is also the gid of all
+its topics. A node of another program is a vehicle, too: a process of msggen that carries one over the network, or a
+node of ROS 2. A beat tells that a carried vehicle is there, so only topics that are followed have to cross the network:
+`wanted` has the keys to subscribe to.
 """
 
 from __future__ import annotations
@@ -61,6 +58,8 @@ SILENCE_NS: Final = 5_000_000_000
 """How long nothing may arrive from a vehicle. The lease of its session, after which its tokens go, is 60 s."""
 STILL_NS: Final = LONGEST_NS
 """How long nothing may arrive before nothing is sent: it would wait in the connection, and arrive when it is back."""
+CARRIED_STILL_NS: Final = 2_000_000_000
+"""The same for a vehicle that is carried: the process that carries it refuses what has waited, by its time."""
 GRACE_NS: Final = 1_000_000_000
 """How long the tokens of a vehicle may come after its first sample."""
 QUIET_NS: Final = 100_000_000
@@ -159,8 +158,7 @@ class Vehicles:
         """Disconnect the vehicles that have been silent for too long, and tell of which ones all topics are known."""
         for vehicle in tuple(self._vehicles.values()):
             if vehicle.remote is not None and vehicle.sessions and not vehicle.is_complete:
-                is_heard = vehicle.clock is not None or not vehicle.is_carried
-                vehicle.is_complete = is_heard and now - vehicle.told > QUIET_NS
+                vehicle.is_complete = vehicle.is_heard and now - vehicle.told > QUIET_NS
                 if vehicle.is_complete:
                     self._told(Identified(vehicle.remote, {}, is_complete=True))
             if now - vehicle.heard < SILENCE_NS:
@@ -212,8 +210,9 @@ class Vehicles:
                 f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: give each a "
                 "namespace, PX4_UXRCE_DDS_NS when its firmware is built"
             )
-        if now - vehicle.heard > STILL_NS or (vehicle.is_carried and vehicle.clock is None):
-            raise StaleError(f"nothing has arrived from the vehicle for more than {STILL_NS / 1e9:g} s: dropped")
+        longest = CARRIED_STILL_NS if vehicle.is_carried else STILL_NS
+        if now - vehicle.heard > longest or not vehicle.is_heard:
+            raise StaleError(f"nothing has arrived from the vehicle for more than {longest / 1e9:g} s: dropped")
         return known.text
 
     def carried(self, remote: Remote) -> Vehicle | None:

@@ -37,32 +37,19 @@ from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
 from msggen.vehicle.fleet import NAMESPACES, sort
 from msggen.vehicle.owned.unix import UnixLink
-from msggen.vehicle.owner.network_topics import Flow, Topic, domain_of_ros, topics_of
+from msggen.vehicle.owner.network_topics import Flow, OnNetwork, Topic, domain_of_ros, topics_of
 from msggen.vehicle.owner.owner import LOGGER
 from msggen.vehicle.refusals import Refusals
 from msggen.vehicle.selection import shown
 
 if TYPE_CHECKING:
-    from msggen.link.rmw_zenoh.session import Declared, Question, Session
+    from msggen.link.rmw_zenoh.session import Question, Session
 
 _BEAT_S: Final = 0.1
-"""The time between two beats: a program on the network sends nothing after 0.5 s without one."""
+"""The time between two beats: a program on the network sends nothing after 2 s without one."""
 _MOST: Final = 1000
 """The samples that may wait for the thread of the network. Further ones are refused."""
 _MOST_TOKENS: Final = 200_000
-
-
-class _Vehicle:
-    """A vehicle that is carried."""
-
-    def __init__(self, entry: Entry) -> None:
-        self.entry = entry
-        self.topics: Mapping[str, Topic] = {}
-        """By the names of their routes."""
-        self.known: set[str] = set()
-        """The names of all its routes, also of those without a definition."""
-        self.declared: list[Declared] = []
-        self.beat: Flow | None = None
 
 
 class Network:
@@ -81,7 +68,7 @@ class Network:
         self._queue: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._lock = threading.RLock()
         self._entries = Entries(self._link, self._lock, lambda entry, _: self._queue.put(lambda: self._update(entry)))
-        self._vehicles: dict[int, _Vehicle] = {}
+        self._vehicles: dict[int, OnNetwork] = {}
         """Those that are carried, by number."""
         self._flows: dict[tuple[int, str], Flow] = {}
         """By the number of the vehicle and the name of the route. Replaced as a whole."""
@@ -89,8 +76,8 @@ class Network:
         """The tokens of others that publish topics of vehicles, by namespace."""
         self._waiting = Waiting()
         self.refusals = Refusals()
-        self._aside = Aside("msggen-last", _MOST, lambda error: LOGGER.warning("no last sample: %s", error))
-        """Asks the owner for last samples, whose answers can take a second."""
+        self._aside = Aside("msggen-network-aside", _MOST, lambda error: LOGGER.warning("on the network: %s", error))
+        """Finds types, and asks the owner for last samples: both can take a second."""
         self._told: set[str] = set()
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="msggen-network", daemon=True)
@@ -177,7 +164,7 @@ class Network:
         if self._queue.qsize() < _MOST_TOKENS:
             self._queue.put(lambda: self._note(text, is_alive=is_alive))
 
-    def _take_sample(self, vehicle: _Vehicle, topic: Topic, _: str, payload: bytes, attachment: bytes | None) -> None:
+    def _take_sample(self, vehicle: OnNetwork, topic: Topic, _: str, payload: bytes, attachment: bytes | None) -> None:
         arrived, until = time.time_ns(), expiry()
         if self._queue.qsize() >= _MOST:
             self.refusals.add(topic.key.name, f"more than {_MOST} samples wait")
@@ -241,9 +228,7 @@ class Network:
         if vehicle is None:
             self._sort()
         elif {*entry.routes} - vehicle.known:
-            self._withdraw(vehicle)
-            self._plan(vehicle)
-            self._declare(vehicle)
+            self._look_up(vehicle)
 
     def _sort(self) -> None:
         """Carry all vehicles whose key space nobody else has."""
@@ -260,34 +245,45 @@ class Network:
         for remote in found.new:
             entry = self._entries.get(remote.number)
             if entry is not None:
-                vehicle = self._vehicles[remote.number] = _Vehicle(entry)
-                self._plan(vehicle)
-                self._declare(vehicle)
+                vehicle = self._vehicles[remote.number] = OnNetwork(entry)
+                self._look_up(vehicle)
 
     def _tell(self, text: str) -> None:
         if text not in self._told and len(self._told) < _MOST:
             self._told.add(text)
             LOGGER.warning("%s", text)
 
-    def _plan(self, vehicle: _Vehicle) -> None:
-        """Choose the topics of a vehicle whose definitions are known."""
+    def _look_up(self, vehicle: OnNetwork) -> None:
+        """Carry a vehicle once its types are found: a package that is not in the cache is built."""
         entry = vehicle.entry
-        packages, missing = self._types(entry.firmware()), []
-        topics = dict(vehicle.topics)
-        vehicle.known |= entry.routes.keys()
+        vehicle.known = {*entry.routes}
+
+        def find() -> None:
+            packages = self._types(entry.firmware())
+            self._queue.put(lambda: self._carry(vehicle, packages))
+
+        self._aside.do(find)
+
+    def _carry(self, vehicle: OnNetwork, packages: Packages) -> None:
+        """Declare the topics of a vehicle whose definitions are known."""
+        entry, missing, topics = vehicle.entry, list[str](), dict[str, Topic]()
+        if self._vehicles.get(entry.remote.number) is not vehicle:
+            return  # it has gone
         for route in tuple(entry.routes.values()):
             found = next(topics_of(route, entry, packages, self._domain), None)
             if found is None:
                 missing.append(route.name)
             else:
                 topics[route.name] = found
+        self._withdraw(vehicle)
         vehicle.topics = topics
+        self._declare(vehicle)
         LOGGER.info("%s is on the network, with %d topics", shown(entry.remote), len(topics))
         if missing:
             names = ", ".join(sorted(missing))
             self._tell(f"not on the network, because no types have the vehicle's definitions: {names}: {_TYPES}")
 
-    def _declare(self, vehicle: _Vehicle) -> None:
+    def _declare(self, vehicle: OnNetwork) -> None:
         """Declare a vehicle in the session, if there is one: its node, then what it reads, then what it publishes."""
         session, remote = self._connection.session, vehicle.entry.remote
         if session is None:
@@ -321,7 +317,7 @@ class Network:
                     vehicle.declared += [publisher, answered, session.declare(token)]
         self._flows = flows
 
-    def _withdraw(self, vehicle: _Vehicle) -> None:
+    def _withdraw(self, vehicle: OnNetwork) -> None:
         number = vehicle.entry.remote.number
         self._flows = {place: flow for place, flow in self._flows.items() if place[0] != number}
         for each in reversed(vehicle.declared):
@@ -371,7 +367,7 @@ class Network:
         return answer
 
     def _send(  # noqa: PLR0913, PLR0917 - what is known of a sample
-        self, vehicle: _Vehicle, topic: Topic, payload: bytes, attachment: bytes | None, arrived: int, until: int
+        self, vehicle: OnNetwork, topic: Topic, payload: bytes, attachment: bytes | None, arrived: int, until: int
     ) -> None:
         """Give a sample of the network to the vehicle, unless it is late or no sample of the topic.
 

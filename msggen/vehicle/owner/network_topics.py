@@ -1,9 +1,9 @@
-"""The topics of a vehicle in the form of rmw_zenoh: their keys, their QoS, and what decodes them."""
+"""A vehicle on a network, and its topics in the form of rmw_zenoh: their keys, their QoS, and what decodes them."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -14,7 +14,7 @@ from msggen.messages.packages import Message, Packages, has_definition
 from msggen.vehicle.entry import Entry
 
 if TYPE_CHECKING:
-    from msggen.link.rmw_zenoh.session import Publisher
+    from msggen.link.rmw_zenoh.session import Declared, Publisher
 
 _DOMAIN: Final = "ROS_DOMAIN_ID"
 _DOMAINS: Final = 233
@@ -44,6 +44,19 @@ class Topic(NamedTuple):
     key: Key
     qos: Qos
     message: type[Message]
+
+
+class OnNetwork:
+    """A vehicle that is carried."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        self.topics: Mapping[str, Topic] = {}
+        """By the names of their routes."""
+        self.known: set[str] = set()
+        """The names of all its routes, also of those without a definition."""
+        self.declared: list[Declared] = []
+        self.beat: Flow | None = None
 
 
 def topics_of(route: Route, entry: Entry, packages: Packages, domain: int) -> Iterator[Topic]:

@@ -23,6 +23,7 @@ from msggen.link.link import (
 )
 from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key, Token, beat_of, gid_of
 from msggen.link.rmw_zenoh.vehicles import (
+    CARRIED_STILL_NS,
     EVERYTHING,
     GRACE_NS,
     MAX_ENDPOINTS,
@@ -393,7 +394,7 @@ def test_nothing_is_sent_to_a_carried_vehicle_without_a_beat(space: Space) -> No
         space.vehicles.key_to(space.remote, command, space.now)
     carrier.beat()
     assert space.vehicles.key_to(space.remote, command, space.now) == str(READ)
-    space.now += STILL_NS + 1
+    space.now += CARRIED_STILL_NS + 1
     with pytest.raises(StaleError):
         space.vehicles.key_to(space.remote, command, space.now)
     space.now += SILENCE_NS
