@@ -22,7 +22,7 @@ def local(origin: tuple[float, float], latitude: float, longitude: float) -> tup
     here, there = math.radians(origin[0]), math.radians(latitude)
     turn = math.radians(longitude - origin[1])
     haversine = math.sin((there - here) / 2) ** 2 + math.cos(here) * math.cos(there) * math.sin(turn / 2) ** 2
-    distance = 2.0 * RADIUS * math.asin(math.sqrt(min(1.0, haversine)))
+    distance = 2.0 * RADIUS * math.asin(math.sqrt(min(1.0, max(0.0, haversine))))  # below 0 beyond a pole
     bearing = math.atan2(
         math.sin(turn) * math.cos(there),
         math.cos(here) * math.sin(there) - math.sin(here) * math.cos(there) * math.cos(turn),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from msggen.messages import earth
@@ -60,3 +60,11 @@ def test_what_is_not_finite_gives_nothing(bad: float, index: int) -> None:
     values = [47.0, 8.0, 47.1, 8.1]
     values[index] = bad
     assert all(map(math.isnan, earth.local((values[0], values[1]), values[2], values[3])))
+
+
+@settings(max_examples=examples(300))
+@example(15.0, 0.0, 165.0, 180.0)  # over the pole
+@given(*[st.floats(allow_nan=False, allow_infinity=False)] * 4)
+def test_numbers_that_are_no_place_have_a_position_on_earth(a: float, b: float, c: float, d: float) -> None:
+    """Estimates of a vehicle can have any number."""
+    assert math.hypot(*earth.local((a, b), c, d)) <= math.pi * earth.RADIUS + 1.0
