@@ -81,6 +81,7 @@ def test_a_process_owns_a_link_and_carries_its_vehicle(url: str, px4_types: Any,
     assert process.returncode == 0
 
 
+@pytest.mark.night
 @pytest.mark.usefixtures("owned")
 def test_in_the_background_it_has_the_types_that_are_named(url: str, px4_types: Any) -> None:
     router = f"127.0.0.1:{free_port()}"

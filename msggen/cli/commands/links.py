@@ -108,7 +108,7 @@ def _serve(options: argparse.Namespace) -> int:
     options.link = options.url or options.link
     place, wanted = _wanted(options, is_networked=bool(options.zenoh))
     types = _types_of_network(options, wanted)
-    with link_errors(options.zenoh or str(wanted.address), has_owner=not options.zenoh):
+    with link_errors(str(wanted.address)):
         if not options.background:
             _own(place, wanted, options.zenoh, types)
             return DONE
@@ -150,7 +150,8 @@ def _own(place: Place, wanted: Wanted, zenoh: str | None, types: ModuleType | No
             if zenoh:
                 from msggen.cli.commands.networked import networked
 
-                joining.enter_context(networked(zenoh, place, types))
+                with link_errors(zenoh, has_owner=False):
+                    joining.enter_context(networked(zenoh, place, types))
             starting.close()
             events.follow(owner)
 

@@ -123,13 +123,14 @@ class Session:
         return str(self._session.info.zid())
 
     def tokens(self, on_token: Callable[[str, bool], None]) -> None:
-        """Call a function for each token that is there, that comes or goes."""
+        """Call a function for each token that is there, that comes or goes. Raises LinkError."""
         alive = zenoh.SampleKind.PUT
 
         def token(sample: Any) -> None:
             on_token(str(sample.key_expr), sample.kind == alive)
 
-        self._declared.append(self._session.liveliness().declare_subscriber(TOKENS, token, history=True))
+        with _errors("subscribe to tokens"):
+            self._declared.append(self._session.liveliness().declare_subscriber(TOKENS, token, history=True))
 
     def declare(self, token: str) -> Declared:
         """Declare a token. It is there until it is withdrawn. Raises LinkError."""
