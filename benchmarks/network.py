@@ -14,19 +14,21 @@ import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from random import randrange
 from typing import NamedTuple, TypeAlias
 
 from environment import HERE, ROOT
 from link import line, send, sender
 from link_sender import Load
 from msggen.vehicle.owned.owners import running
-from shared_link import Taken, cpu_of, expect, free_port, program, tell
+from shared_link import Taken, cpu_of, expect, program, tell
 from tables import Table
 
 WAYS_HEAD = [
@@ -53,6 +55,16 @@ _HOST = "127.0.0.1"
 
 Between: TypeAlias = Callable[[int, int], contextlib.AbstractContextManager[subprocess.Popen[str] | None]]
 """Runs what is between a vehicle and a program, which use two ports, until it is left."""
+
+
+def free_port() -> int:
+    """Return a port that nothing uses, and that the kernel gives to no connection."""
+    while True:
+        port = randrange(20_000, 30_000)  # noqa: S311 - not a secret
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
+                stack.enter_context(socket.socket(socket.AF_INET, kind)).bind((_HOST, port))
+            return port
 
 
 class Way(NamedTuple):
@@ -166,7 +178,7 @@ def measured(
 
 def cells(sent: int, taken: Taken, own: float) -> list[str]:
     """Return the cells of what a program has taken of the samples that were sent."""
-    lost = 1 - taken.samples / sent
+    lost = max(0.0, 1 - taken.samples / sent)  # a vehicle that is kept alive sends a sample more
     between = f"{own / sent * 1e6:.0f}" if own else ""
     each = f"{taken.cpu / max(1, taken.samples) * 1e6:.0f}"
     return [f"{lost:.2%}" if lost else "0", each, between, f"{taken.median:,.0f}", f"{taken.late:,.0f}"]
