@@ -49,7 +49,8 @@ def test_sync_and_check(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     run("check", "--px4", tree(name), "--strict", "px4_msgs")
     run("check", "--px4", tree(name), "--strict", "--topics-only", "px4_msgs")
     run("sync", "--px4", tree(name), "--strict", "--dry-run", "px4_msgs")
-    assert capsys.readouterr().err == ""
+    told = capsys.readouterr().err.splitlines()
+    assert [line for line in told if " Y208 note: " not in line] == []  # what PX4 itself has not on Zenoh
 
 
 @pytest.mark.slow
