@@ -225,7 +225,9 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
     yield Table(f"One vehicle, {topics} topics at {rate} Hz", WAYS_HEAD, rows)
     rows = [measure_first(way) for way in WAYS]
     yield Table("First sample of a program, with the start of Python", FIRST_HEAD, rows)
-    sizes = [(1, 2, 10), (3, 2, 10)] if is_quick else [(1, 31, 10), (10, 31, 10), (50, 31, 2), (10, 31, 50)]
+    sizes = (
+        [(1, 2, 10), (3, 2, 10)] if is_quick else [(1, 31, 10), (10, 31, 10), (50, 31, 2), (8, 31, 50), (20, 31, 50)]
+    )
     rows = [measure_size(*size, seconds) for size in sizes]
     yield Table("Three routers in a row: vehicles at the first, a program at the third", SIZES_HEAD, rows)
 
