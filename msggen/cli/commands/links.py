@@ -125,11 +125,14 @@ def _serve(options: argparse.Namespace) -> int:
 def _types_of_network(options: argparse.Namespace, wanted: Wanted) -> ModuleType | None:
     """Return the types that the options or else the current folder name, if there is a network. Raises InputError."""
     from msggen.cli.chosen_types import is_given, known_types
+    from msggen.link.address import parse_address
 
     if not options.zenoh:
         if is_given(options):
             options.parser.error("--types and --px4 are for --zenoh: without it, messages are not looked at")
         return None
+    with link_errors(options.zenoh, has_owner=False):
+        parse_address(options.zenoh)  # before anything is opened
     if wanted.address.link_type.has_router:
         text = "its vehicles are on Zenoh already: connect the routers with a configuration of Zenoh, connect/endpoints"
         options.parser.error(f"argument --zenoh: {text}")
