@@ -120,7 +120,9 @@ def _owned(place: Place) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise LinkError("another process owns this link: `msggen link list` shows it") from None
+            raise LinkError(
+                "another process owns this link: `msggen link list` shows it, `msggen link stop` ends it"
+            ) from None
         yield
 
 
