@@ -47,7 +47,8 @@ async def repeat(vehicle: Vehicle, steps: list[tuple[float, float]]) -> None:
             async def fly(self) -> None:
                 for kind, (rate, seconds) in zip(self.setpoints, steps, strict=True):
                     values = Trajectory(place_of(rate), FREE, FREE, None, None, math.nan).values("ned")
-                    flight.find(self).send_each(kind, {kind.topic: values})
+                    steering = flight.find(self)._steering  # noqa: SLF001 - a mode refuses positions on the ground
+                    steering.set(kind, {kind.topic: values})
                     await asyncio.sleep(seconds)
 
         await flight.add(Steady)
