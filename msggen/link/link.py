@@ -327,6 +327,10 @@ class Link(ABC):
         """Whether all clients that send to the link have connected, as far as it is known."""
         return True
 
+    def serves_others(self) -> bool:
+        """Whether programs that do not use this link need it: those whose router it is."""
+        return False
+
     def refusals(self) -> Mapping[str, int]:
         """Return how many datagrams were refused, by reason."""
         return {}

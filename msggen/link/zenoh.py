@@ -156,6 +156,10 @@ class ZenohLink(Link):
         patience = _SETTLED_S if self.is_router else _TOKENS_S
         return time.monotonic() - self._opened_at > patience
 
+    def serves_others(self) -> bool:
+        """Whether this program is the router of others, vehicles or programs, which would lose each other with it."""
+        return self._connection.has_others
+
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes of a connected vehicle."""
         return self._vehicles.routes(remote)

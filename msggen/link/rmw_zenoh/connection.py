@@ -33,6 +33,12 @@ class Connection:
         """Whether this program is the router."""
         return self.session is not None and self.session.is_router
 
+    @property
+    def has_others(self) -> bool:
+        """Whether this program is the router of other sessions."""
+        session = self.session
+        return session is not None and session.is_router and session.has_others
+
     def open(self) -> None:
         """Open a session. Raises LinkError."""
         try:

@@ -118,6 +118,13 @@ class Session:
         return self.is_router or bool(self._session.info.routers_zid())
 
     @property
+    def has_others(self) -> bool:
+        """Whether other sessions are connected to this one."""
+        with suppress(zenoh.ZError):
+            return bool(self._session.info.transports())
+        return False
+
+    @property
     def zid(self) -> str:
         """The id of this session, as Zenoh prints it."""
         return str(self._session.info.zid())
