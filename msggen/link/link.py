@@ -299,11 +299,7 @@ class Link(ABC):
 
     @abstractmethod
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
-        """Send a request with a number that is unique for this remote.
-
-        `until` is the time of `age.now` until which the caller waits. Raises LinkError, and StaleError if it has
-        passed.
-        """
+        """Send a request with a number that is unique for this remote. Raises as `publish`, `until` can be `NEVER`."""
 
     @abstractmethod
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
