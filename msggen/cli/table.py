@@ -61,8 +61,10 @@ def objects_of(columns: Iterable[Column[RowT]], rows: Iterable[RowT]) -> list[di
     return [{column.key: column.value(row) for column in keyed} for row in rows]
 
 
-def print_table(columns: Iterable[Column[RowT]], rows: Sequence[RowT]) -> None:
-    """Print rows under their headings, without empty columns.
+def print_table(
+    columns: Iterable[Column[RowT]], rows: Sequence[RowT], below: Callable[[RowT], Iterable[str]] = lambda _: ()
+) -> None:
+    """Print rows under their headings, without empty columns. `below` returns the lines that follow a row.
 
     Cells are made `printable`, so that the columns stay aligned. On a terminal, headings are bold.
     """
@@ -74,5 +76,7 @@ def print_table(columns: Iterable[Column[RowT]], rows: Sequence[RowT]) -> None:
             styles = [BOLD, *(column.style(column.value(row)) for row in rows)]
             cells = [f"{text:{column.align}{width}}" for text in (column.heading, *texts)]
             shown.append([*map(styled, cells, styles)])
-    for line in zip(*shown, strict=True):
+    for line, further in zip(zip(*shown, strict=True), [(), *map(below, rows)], strict=False):  # no line without cells
         print(Styled("  ".join(line).rstrip()))
+        for text in further:
+            print(text)

@@ -8,6 +8,7 @@ from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.doctor.case import SILENT, Case
 from msggen.doctor.observation import INTACT, OWNER, SIM, Observation
+from msggen.doctor.on_zenoh import find_limited
 from msggen.link.link import Client
 from msggen.link.link_types import AGENT_PORT, PORT
 from msggen.vehicle.selection import shown
@@ -109,7 +110,7 @@ def find_no_client(case: Case) -> Iterator[Change]:
     if (
         seen.is_taken
         or has_arrived
-        or any(list(find(case)) for find in (find_busy_agent, find_elsewhere, find_garbled))
+        or any(list(find(case)) for find in (find_busy_agent, find_elsewhere, find_garbled, find_limited))
     ):
         return
     facts = {"link": seen.link, "port": seen.port, "baud": seen.baud, "domain": seen.link.rpartition("/")[2]}

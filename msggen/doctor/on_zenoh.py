@@ -6,16 +6,17 @@ from collections.abc import Iterator
 
 from msggen.check.finding import Change
 from msggen.doctor.case import Case
+from msggen.link.rmw_zenoh.vehicles import NO_BEAT
 from msggen.messages.names import uorb_name
 from msggen.messages.zenoh_topics import SMALL_STACK
 
 _LARGE = "arming_check_reply"
-_FIRMWARE = ("CONFIG_ZENOH_", "in the form of PX4 v1.16", "cannot be told apart")
-"""What tells warnings about the firmware of a vehicle from others."""
+_FIRMWARE = ("CONFIG_ZENOH_", "in the form of PX4 v1.16", "cannot be told apart", NO_BEAT)
+"""What tells warnings that explain why a vehicle is not as it should be from others."""
 
 
 def find_limited(case: Case) -> Iterator[Change]:
-    """Find vehicles whose firmware tells too little, or whose samples are not CDR: the link warns of them."""
+    """Find vehicles of which too little is told, or whose samples are not CDR: the link warns of them."""
     for text in case.seen.warnings if case.seen.link_type.has_router else ():
         if any(mark in text for mark in _FIRMWARE):
             yield case.change(case.seen.link, text)

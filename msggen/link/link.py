@@ -299,11 +299,7 @@ class Link(ABC):
 
     @abstractmethod
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
-        """Send a request with a number that is unique for this remote.
-
-        `until` is the time of `age.now` until which the caller waits. Raises LinkError, and StaleError if it has
-        passed.
-        """
+        """Send a request with a number that is unique for this remote. Raises as `publish`, `until` can be `NEVER`."""
 
     @abstractmethod
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
@@ -326,6 +322,10 @@ class Link(ABC):
     def is_settled(self) -> bool:
         """Whether all clients that send to the link have connected, as far as it is known."""
         return True
+
+    def serves_others(self) -> bool:
+        """Whether programs that do not use this link need it: those whose router it is."""
+        return False
 
     def refusals(self) -> Mapping[str, int]:
         """Return how many datagrams were refused, by reason."""

@@ -151,10 +151,9 @@ LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
             "ZenohLink",
             ("host", "port"),
             ("config",),
-            unheard="no vehicle is on Zenoh at {link} {wait}: check that PX4 v1.17 or later runs `zenoh start` "
-            "(ZENOH_ENABLE 1) and that zenoh/net.txt on its card has this computer's address, as in "
-            "client;tcp/10.41.10.1:{port}; a router drops v1.15 without a word (protocol 0x07), so update it. On a "
-            "network, check `msggen link serve --zenoh` where the vehicle is. Without a vehicle, `msggen sim --zenoh "
+            unheard="no vehicle is on Zenoh at {link} {wait}: check `zenoh start` of PX4 v1.17 or later, with this "
+            "computer's address in zenoh/net.txt, client;tcp/10.41.10.1:{port}; a router drops v1.15 without a word "
+            "(protocol 0x07). On a network, check `msggen link serve --zenoh`. Without a vehicle, `msggen sim --zenoh "
             "tcp/127.0.0.1:{port}` simulates one",
             silence="check that PX4 v1.17 or later runs `zenoh start` (ZENOH_ENABLE 1), and that zenoh/net.txt on its "
             "card has the address of this router; v1.15 cannot talk to it. On a network, check `msggen link serve "

@@ -156,6 +156,10 @@ class ZenohLink(Link):
         patience = _SETTLED_S if self.is_router else _TOKENS_S
         return time.monotonic() - self._opened_at > patience
 
+    def serves_others(self) -> bool:
+        """Whether this program is the router of others, vehicles or programs, which would lose each other with it."""
+        return self._connection.has_others
+
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes of a connected vehicle."""
         return self._vehicles.routes(remote)
@@ -228,6 +232,7 @@ class ZenohLink(Link):
                     looked = moment
                     self._vehicles.tick(time.monotonic_ns())
                     self._connection.look()
+                    self._take_tokens_anew()
                 if self._vehicles.wanted is not self._chosen:
                     self._subscribe(moment)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
@@ -237,6 +242,13 @@ class ZenohLink(Link):
                 ending.callback(listener.failed, failure)
             ending.callback(self._connection.close)
             ending.callback(self._vehicles.close, failure or "the link was closed")
+
+    def _take_tokens_anew(self) -> None:
+        """Be told all tokens again, if there is a place now for a vehicle that was refused."""
+        session = self._connection.session
+        if session is not None and self._vehicles.wants_tokens(time.monotonic_ns()):
+            with suppress(LinkError):  # the session has ended, and another one follows
+                session.tokens(self._take_token)
 
     def _subscribe(self, moment: float) -> None:
         """Subscribe to what is wanted, and to nothing else: so the router does not send it."""

@@ -33,6 +33,13 @@ def test_a_column_is_in_the_text_or_in_objects_or_in_both(capsys: pytest.Capture
     ]
 
 
+def test_lines_of_a_row_are_below_it(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(COLUMNS[:1], ["rpm", "", "esc"], lambda row: [f"  {each}" for each in row[:2]])
+    assert capsys.readouterr().out.splitlines() == ["name", "rpm", "  r", "  p", "", "esc", "  e", "  s"]
+    print_table(COLUMNS[-1:], ["rpm"], lambda row: [row])
+    assert not capsys.readouterr().out
+
+
 def test_colours_do_not_move_the_columns(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     columns = [*COLUMNS, Column[str]("", "state", lambda row: "bad" if row == "rpm" else "", style=lambda _: RED)]
     print_table(columns, ["rpm", "esc_status_0"])

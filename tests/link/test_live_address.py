@@ -9,6 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from msggen.base.diagnostics import printable
+from msggen.doctor.connecting import _STATUS
 from msggen.link.address import Address, parse_address
 from msggen.link.link_types import LINK_TYPES, type_named
 from msggen.live import LinkError
@@ -132,6 +134,16 @@ def test_any_text_is_an_address_or_an_error(text: str) -> None:
 def test_an_address_with_another_scheme_is_suggested_with_one_that_fits(scheme: str) -> None:
     with pytest.raises(LinkError, match=r"is not the address of a link, did you mean 'udp://127\.0\.0\.1:8888'"):
         parse_address(f"{scheme}://127.0.0.1:8888?agent=127.0.0.1:8889", ("udp", "serial"))
+
+
+@pytest.mark.parametrize("scheme", LINK_TYPES)
+def test_what_to_do_when_nothing_arrives_is_told_in_full(scheme: str) -> None:
+    found = LINK_TYPES[scheme]
+    place, path = "255.255.255.255:65535", "/dev/serial/by-id/usb-Auterion_PX4_FMU_v6X.x_0-if00"
+    config = "/etc/zenoh/vehicle.json5"
+    link = found.filled(place=place, path=path, baud=921600, agent=place, domain=232, config=config)
+    text = found.unheard.format(link=link, port=65535, baud=921600, domain=232, wait="in 11 s", status=_STATUS)
+    assert printable(text) == text
 
 
 def test_keys_and_addresses_are_only_for_links_that_have_them() -> None:

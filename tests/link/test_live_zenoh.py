@@ -62,6 +62,17 @@ def test_a_vehicle_connects_to_the_router_that_the_link_is(px4_types: Any) -> No
     records.wait(lambda: {*threading.enumerate()} <= before)  # the pool of Zenoh itself stays
 
 
+def test_the_router_of_others_is_needed_by_them() -> None:
+    port = free_port()
+    with linked(port) as (router, records):
+        assert not router.serves_others()
+        with linked(port) as (client, _), session(port):
+            records.wait(router.serves_others)
+            assert not client.serves_others()
+        records.wait(lambda: not router.serves_others())
+    assert not router.serves_others()
+
+
 def test_the_link_is_a_client_where_a_router_runs(px4_types: Any) -> None:
     port = free_port()
     with session(port, "router"), linked(port) as (link, records):

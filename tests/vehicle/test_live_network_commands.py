@@ -25,6 +25,7 @@ from support.dds_vehicle import domains, vehicle
 from support.networked import networked
 from support.ports import free_port
 from support.repository import ROOT
+from support.zenoh_space import session
 
 pytest.importorskip("zenoh")
 pytest_plugins = ["support.owned_links"]
@@ -68,7 +69,14 @@ def test_a_process_owns_a_link_and_carries_its_vehicle(url: str, px4_types: Any,
         while told[-1].code and len(told) < 4:  # a busy computer can let it wait for more than 0.5 s
             told.append(run(["command", "arm", *link]))
         assert told[-1].stdout == "COMPONENT_ARM_DISARM: ACCEPTED\n"
-        assert "on Zenoh" not in run(["topic", "info", "vehicle_status", *link]).stdout
+        told_of = run(["topic", "info", "vehicle_status", *link]).stdout
+        assert "on Zenoh" not in told_of
+        key = re.search(
+            r"Zenoh key +(0/fmu/out/vehicle_status_v4/px4_msgs::msg::dds_::VehicleStatus_/RIHS01_\w+)\n", told_of
+        )
+        assert key is not None
+        with session(int(router.rpartition(":")[2])) as other, other.declare_subscriber(key[1]) as subscriber:
+            assert subscriber.recv().payload
         target = tmp_path / "flight.mcap"
         recorded = run(["record", "vehicle_attitude", "--for", "1", "-o", str(target), *link])
         assert recorded.code == 0, recorded
@@ -134,7 +142,11 @@ NO_CONFIGURATION = "there is no configuration of Zenoh '/none.json5': correct co
     ("router", "error", "place"),
     [
         ("tcp/192.0.2.1:1", "no Zenoh router answers at 192.0.2.1:1, which is no address of this computer: start", []),
-        ("tcp/127.0.0.1:1?config=/none.json5", NO_CONFIGURATION, []),
+        (
+            "tcp/127.0.0.1:1?config=/none.json5",
+            f"tcp/127.0.0.1:1?config=/none.json5: L102 {NO_CONFIGURATION}",
+            [],
+        ),
         ("tcp/127.0.0.1:1?config=/none.json5", NO_CONFIGURATION, ["--background"]),
         ("tcp/127.0.0.1:{port}", "is in use by a program that is no Zenoh router", []),
     ],

@@ -131,13 +131,18 @@ def _types_of_network(options: argparse.Namespace, wanted: Wanted) -> ModuleType
         if is_given(options):
             options.parser.error("--types and --px4 are for --zenoh: without it, messages are not looked at")
         return None
-    with link_errors(options.zenoh, has_owner=False):
+    with link_errors(_locator(options.zenoh), has_owner=False):
         parse_address(options.zenoh)  # before anything is opened
     if wanted.address.link_type.has_router:
         text = "its vehicles are on Zenoh already: connect the routers with a configuration of Zenoh, connect/endpoints"
         options.parser.error(f"argument --zenoh: {text}")
     found = known_types(options)
     return found.package if found is not None else None
+
+
+def _locator(link: str) -> str:
+    """Return the locator of Zenoh that the user has named, of the link at it."""
+    return link.replace("zenoh://", "tcp/", 1)
 
 
 def _own(place: Place, wanted: Wanted, zenoh: str | None, types: ModuleType | None) -> None:
@@ -153,7 +158,7 @@ def _own(place: Place, wanted: Wanted, zenoh: str | None, types: ModuleType | No
             if zenoh:
                 from msggen.cli.commands.networked import networked
 
-                with link_errors(zenoh, has_owner=False):
+                with link_errors(_locator(zenoh), has_owner=False):
                     joining.enter_context(networked(zenoh, place, types))
             starting.close()
             events.follow(owner)
@@ -169,13 +174,18 @@ def _list(options: argparse.Namespace) -> int:
         return DONE
     if not found:
         print("no process owns a link")
-    print_table(_COLUMNS, found)
-    for each in found:
-        for program in each.state.get("programs", ()):
-            unread = f", {counted(program['unread'], 'sample')} not read in time" if program["unread"] else ""
-            unsent = f", {counted(program['unsent'], 'message')} {_UNSENT}" if program["unsent"] else ""
-            print(f"  {program['name']} (pid {program['pid']}), for {_age(program['age'])}{unread}{unsent}")
+    print_table(_COLUMNS, found, _programs)
     return DONE
+
+
+def _programs(running: Running) -> list[str]:
+    """Return a line for each program that uses a link."""
+    shown = []
+    for program in running.state.get("programs", ()):
+        unread = f", {counted(program['unread'], 'sample')} not read in time" if program["unread"] else ""
+        unsent = f", {counted(program['unsent'], 'message')} {_UNSENT}" if program["unsent"] else ""
+        shown.append(f"  {program['name']} (pid {program['pid']}), for {_age(program['age'])}{unread}{unsent}")
+    return shown
 
 
 def _running() -> list[Running]:

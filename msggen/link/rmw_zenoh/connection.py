@@ -33,6 +33,12 @@ class Connection:
         """Whether this program is the router."""
         return self.session is not None and self.session.is_router
 
+    @property
+    def has_others(self) -> bool:
+        """Whether this program is the router of other sessions."""
+        session = self.session
+        return session is not None and session.is_router and session.has_others
+
     def open(self) -> None:
         """Open a session. Raises LinkError."""
         try:
@@ -49,11 +55,16 @@ class Connection:
 
     def warning(self, danger: str) -> str:
         """Return what the user should know of a router that others can reach, "" if they cannot. `danger` is theirs."""
-        if not self.is_router or self._config or _is_loopback(self._place[0]):
+        if not self.is_router or _is_loopback(self._place[0]):
             return ""
+        from msggen.link.rmw_zenoh.session import is_guarded
+
+        if is_guarded(self._config):
+            return ""
+        cure = f"add some to '{self._config}'" if self._config else "name a configuration with access control, config="
         return (
-            f"listening on {self._place[0]}:{self._place[1]}: Zenoh has no authentication here, so whoever can connect "
-            f"to this port can {danger}; name a configuration with access control, config="
+            f"listening on {self._place[0]}:{self._place[1]}: Zenoh has no access control here, so whoever can connect "
+            f"to this port can {danger}; {cure}"
         )
 
     def look(self) -> None:

@@ -37,6 +37,7 @@ _FILES: Final = (
     "connect_certificate",
 )
 
+_GUARDS: Final = ("access_control/enabled", "transport/auth/usrpwd/dictionary_file")
 
 OnSample: TypeAlias = Callable[[str, bytes, bytes | None], None]
 _AT_ONCE: Final[Mapping[str, Any]] = {
@@ -118,19 +119,32 @@ class Session:
         return self.is_router or bool(self._session.info.routers_zid())
 
     @property
+    def has_others(self) -> bool:
+        """Whether other sessions are connected to this one."""
+        with suppress(zenoh.ZError):
+            return bool(self._session.info.transports())
+        return False
+
+    @property
     def zid(self) -> str:
         """The id of this session, as Zenoh prints it."""
         return str(self._session.info.zid())
 
     def tokens(self, on_token: Callable[[str, bool], None]) -> None:
-        """Call a function for each token that is there, that comes or goes. Raises LinkError."""
+        """Call a function for each token that is there, that comes or goes. Again, to be told all anew.
+
+        Raises LinkError.
+        """
         alive = zenoh.SampleKind.PUT
 
         def token(sample: Any) -> None:
             on_token(str(sample.key_expr), sample.kind == alive)
 
         with _errors("subscribe to tokens"):
-            self._declared.append(self._session.liveliness().declare_subscriber(TOKENS, token, history=True))
+            made = self._session.liveliness().declare_subscriber(TOKENS, token, history=True)
+        for each in self._declared:  # not before: no token goes unseen
+            Declared(each).withdraw()
+        self._declared = [made]
 
     def declare(self, token: str) -> Declared:
         """Declare a token. It is there until it is withdrawn. Raises LinkError."""
@@ -201,7 +215,7 @@ def open_session(host: str, port: int, configuration: str = "") -> Session:
     except zenoh.ZError as error:
         number = _number_of(error)
         if number not in _ELSEWHERE:
-            cure = "check host and port; ports below 1024 need the rights of root"
+            cure = _certificate(settings) or "check host and port; ports below 1024 need the rights of root"
             raise LinkError(f"Zenoh cannot listen on {place}: {reason_of(error)}; {cure}") from error
     client: dict[str, object] = {"mode": "client", "connect/endpoints": [locator], "connect/timeout_ms": _CONNECT_MS}
     try:
@@ -210,20 +224,30 @@ def open_session(host: str, port: int, configuration: str = "") -> Session:
         if number == errno.EADDRINUSE:
             text = f"TCP port {port} of {host} is in use by a program that is no Zenoh router"
             cure = f"`ss -tlpn sport = :{port}` shows it, end it, or use another port here and in zenoh/net.txt of PX4"
-            cure += "; a router with TLS needs its certificate, config= in the address"
+            cure += f"; {_authority(settings) or 'a router with TLS needs its certificate, config= in the address'}"
             raise LinkError(f"{text}: {cure}") from OSError(errno.EADDRINUSE, text)
         text = f"no Zenoh router answers at {place}, which is no address of this computer"
         raise LinkError(
-            f"{text}: start a router there (zenohd, rmw_zenohd or `msggen link serve`), check host and port, or give "
-            "an address of this computer, where msggen is the router itself"
+            f"{text}: start a router there (zenohd, rmw_zenohd or `msggen link serve`), check host and port, "
+            f"{_authority(settings, end=', ')}or give an address of this computer, where msggen is the router itself"
         ) from None
+
+
+def is_guarded(configuration: str) -> bool:
+    """Whether a configuration lets only some do all: by access control, by certificates of clients or by passwords."""
+    if not configuration:
+        return False
+    made, settings = zenoh.Config.from_file(configuration), _read(configuration)
+    has_certificates = settings.get("enable_mtls") and _protocol(settings, configuration) == "tls"
+    return bool(has_certificates) or any(json.loads(made.get_json(key)) for key in _GUARDS)
 
 
 def reason_of(error: Exception) -> str:
     """Return the text of an error of Zenoh, without places in its source."""
     text = re.sub(r"\.? ?\bat /\S+?\.rs:\d+\.?", "", str(error)).strip(" .[]!")
     found = re.search(r'msg: "([^"]*)"', text)  # of JSON5, with the place as an object of Rust behind it
-    text = found[1] if found else text
+    text = re.sub(r"expected struct \w+", "expected an object", found[1] if found else text)
+    text = text.replace("unit value", "null")
     return text[:1].lower() + text[1:]
 
 
@@ -256,6 +280,20 @@ def _protocol(settings: Any, path: str) -> str:
         if not os.path.isfile(file):
             raise LinkError(f"there is no file '{file}', the {name} of '{path}': correct it, or create the certificate")
     return "tls" if named else "tcp"
+
+
+def _certificate(settings: Any) -> str:
+    """Return what to check so that a router can use TLS, "" without it."""
+    if not any(settings.get(name) for name in _FILES):
+        return ""
+    found = [f"{name} is {settings.get(name) or 'missing'}" for name in ("listen_private_key", "listen_certificate")]
+    return f"check host and port, and that these are PEM files, a key and its certificate: {', '.join(found)}"
+
+
+def _authority(settings: Any, end: str = "") -> str:
+    """Return what to check so that a client can use TLS, "" without it."""
+    name = settings.get("root_ca_certificate")
+    return f"check that root_ca_certificate, {name}, has signed the router's certificate{end}" if name else ""
 
 
 def _open(configuration: str, settings: dict[str, object]) -> Any:

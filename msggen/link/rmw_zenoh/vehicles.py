@@ -67,12 +67,17 @@ QUIET_NS: Final = 100_000_000
 EVERYTHING: Final = "**/fmu/out/**"
 """What is subscribed to while no vehicle has tokens: a firmware without them is known by its samples."""
 MAX_VEHICLES: Final = 100
+MAX_NODES: Final = 1000
+"""The vehicles, and the nodes that only listen to what is sent to some."""
+ANEW_NS: Final = 5_000_000_000
+"""The shortest time between two times at which all tokens are told anew."""
 MAX_ENDPOINTS: Final = 1000
 """The endpoints of a vehicle."""
 MAX_KEYS: Final = 10_000
 """The keys of samples that are known by heart."""
 _HEADER: Final = 4
 
+NO_BEAT: Final = "is carried, but its beats do not arrive"
 NO_TOKENS: Final = "PX4 tells no topics here (CONFIG_ZENOH_RMW_LIVELINESS=n)"
 
 
@@ -85,6 +90,9 @@ class Vehicles:
         self._vehicles: dict[Identity, Vehicle] = {}
         self._by_remote: dict[int, Vehicle] = {}
         self._flows: dict[tuple[str, bytes], Flow] = {}
+        self._places: set[Identity] = set()
+        """The vehicles: who publishes."""
+        self._has_refused, self._anew_at = False, 0
         self._count = 0
         self.wanted: frozenset[str] = frozenset({EVERYTHING})
         """The keys to subscribe to."""
@@ -109,9 +117,9 @@ class Vehicles:
         if token.kind != ("MP" if place[1] == "out" else "MS"):
             return  # somebody else listens to a vehicle, or publishes to it
         identity = Identity(token.domain, place[0], token.node)
-        if is_alive:
+        if is_alive and (place[1] == "in" or self._takes_place(identity)):
             self._add(identity, text, token, token.key, now)
-        elif (vehicle := self._vehicles.get(identity)) is not None:
+        elif not is_alive and (vehicle := self._vehicles.get(identity)) is not None:
             self._remove(vehicle, text, token.zid, now)
 
     def sample(self, key: str, payload: bytes, attachment: bytes | None, arrived: int, now: int) -> None:
@@ -161,6 +169,11 @@ class Vehicles:
                 vehicle.is_complete = vehicle.is_heard and now - vehicle.told > QUIET_NS
                 if vehicle.is_complete:
                     self._told(Identified(vehicle.remote, {}, is_complete=True))
+            if vehicle.remote is not None and not vehicle.is_heard and now - vehicle.since > CARRIED_STILL_NS:
+                self._warn(
+                    f"the vehicle {vehicle.identity.node} {NO_BEAT}, without which nothing is sent to it: allow the "
+                    "keys @msggen/** in the access control of the router, docs/zenoh.md has an example"
+                )
             if now - vehicle.heard < SILENCE_NS:
                 continue
             if vehicle.remote is not None:
@@ -184,9 +197,17 @@ class Vehicles:
         for vehicle in tuple(self._vehicles.values()):
             self._disconnect(vehicle, reason)
         self._vehicles.clear()
+        self._places.clear()
         self._flows.clear()
 
     # What is asked
+
+    def wants_tokens(self, now: int) -> bool:
+        """Whether all tokens are to be told anew: some were refused, and there are places now. True once."""
+        wants = self._has_refused and len(self._places) < MAX_VEHICLES and now - self._anew_at > ANEW_NS
+        if wants:
+            self._has_refused, self._anew_at = False, now
+        return wants
 
     def routes(self, remote: Remote) -> tuple[Route, ...]:
         """Return the routes of a connected vehicle."""
@@ -224,7 +245,7 @@ class Vehicles:
 
     def _choose(self) -> None:
         """Choose what to subscribe to: a vehicle without tokens is looked for only where none has any."""
-        there = [each for each in self._vehicles.values() if each.sessions]
+        there = [each for each in self._vehicles.values() if each.publishes]  # not who listens to what it is sent
         self._beats = {key: each for each in there for key in each.beats}
         keys = self._beats.keys() | {key for each in there for key in each.followed}
         spaces = {each.identity.space for each in there if not each.is_carried}
@@ -233,11 +254,22 @@ class Vehicles:
     def _vehicle_of(self, identity: Identity, now: int) -> Vehicle | None:
         vehicle = self._vehicles.get(identity)
         if vehicle is None:
-            if len(self._vehicles) >= MAX_VEHICLES:
-                self.refused[f"vehicles above {MAX_VEHICLES}"] += 1
+            if len(self._vehicles) >= MAX_NODES:
+                self.refused[f"nodes above {MAX_NODES}"] += 1
+                self._has_refused = True
+                self._places.discard(identity)
                 return None
             vehicle = self._vehicles[identity] = Vehicle(identity, now)
         return vehicle
+
+    def _takes_place(self, identity: Identity) -> bool:
+        """Take a place for a vehicle, unless it has one. False if all are taken."""
+        if identity not in self._places and len(self._places) >= MAX_VEHICLES:
+            self.refused[f"vehicles above {MAX_VEHICLES}"] += 1
+            self._has_refused = True
+            return False
+        self._places.add(identity)
+        return True
 
     def _add(self, identity: Identity, text: str, token: Token, key: Key, now: int) -> None:
         vehicle = self._vehicle_of(identity, now)
@@ -246,12 +278,12 @@ class Vehicles:
         if sum(map(len, vehicle.sessions.values())) >= MAX_ENDPOINTS:
             self.refused[f"endpoints above {MAX_ENDPOINTS} of a vehicle"] += 1
             return
-        is_new = token.zid not in vehicle.sessions
+        is_new, was_there = token.zid not in vehicle.sessions, vehicle.publishes
         vehicle.sessions.setdefault(token.zid, {})[text] = key
         vehicle.told = now
         if vehicle.is_carried:
             vehicle.gids.add(gid_of(text))
-        if is_new:
+        if is_new or vehicle.publishes != was_there:
             self._choose()
         if is_new and vehicle.remote is not None and len(vehicle.sessions) > 1:
             self._disconnect(vehicle, "it has begun another session")
@@ -268,13 +300,16 @@ class Vehicles:
 
     def _remove(self, vehicle: Vehicle, text: str, zid: str, now: int) -> None:
         keys = vehicle.sessions.get(zid)
+        was_there = vehicle.publishes
         if keys is None or keys.pop(text, None) is None:
             return
         vehicle.gids.discard(gid_of(text))
         if not keys:
             del vehicle.sessions[zid]
+        if not keys or vehicle.publishes != was_there:
             self._choose()
         if not vehicle.publishes:
+            self._places.discard(vehicle.identity)
             self._disconnect(vehicle, f"its tokens are gone: {vehicle.teller} has ended")
             if not vehicle.sessions:
                 self._forget(vehicle)
@@ -322,6 +357,7 @@ class Vehicles:
 
     def _forget(self, vehicle: Vehicle) -> None:
         self._vehicles.pop(vehicle.identity, None)
+        self._places.discard(vehicle.identity)
         self._flows = {key: flow for key, flow in self._flows.items() if flow.vehicle is not vehicle}
 
     # Samples
@@ -352,9 +388,9 @@ class Vehicles:
             elif told_of:
                 self.refused["samples of a gid that no vehicle has"] += 1
                 return None
-            else:
-                vehicle = self._vehicle_of(Identity(key.domain, place[0], node), now)
-        if vehicle is None or not self._is_known(vehicle, now):
+            elif self._takes_place(identity := Identity(key.domain, place[0], node)):
+                vehicle = self._vehicle_of(identity, now)
+        if vehicle is None or not (self._takes_place(vehicle.identity) and self._is_known(vehicle, now)):
             return None
         found = definition_of(key.type_hash, message_of(key))
         has_surplus = found is not None and not vehicle.is_carried

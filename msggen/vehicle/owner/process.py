@@ -27,6 +27,7 @@ IDLE = "MSGGEN_LINK_IDLE"
 
 IDLE_S = 60.0
 IDLE_WITH_VEHICLE_S = 600.0
+"""The same while a vehicle is connected. The router of other sessions does not end by itself."""
 
 _LOG_SIZE = 1 << 18
 _LINES = 1000

@@ -97,7 +97,11 @@ class Server:
             owner.look()
         if owner.programs:
             self._used_at = now
-        elif now - self._used_at > self._idle(bool(owner.vehicles)):
+        elif now - self._used_at <= self._idle(bool(owner.vehicles)):
+            pass
+        elif owner.link.serves_others():
+            self._used_at = now
+        else:
             LOGGER.info("no program uses the link any more")
             self._is_over = True
 

@@ -23,11 +23,14 @@ from msggen.link.link import (
 )
 from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key, Token, beat_of, gid_of
 from msggen.link.rmw_zenoh.vehicles import (
+    ANEW_NS,
     CARRIED_STILL_NS,
     EVERYTHING,
     GRACE_NS,
     MAX_ENDPOINTS,
+    MAX_NODES,
     MAX_VEHICLES,
+    NO_BEAT,
     QUIET_NS,
     SILENCE_NS,
     STILL_NS,
@@ -318,6 +321,39 @@ def test_the_numbers_of_vehicles_and_endpoints_are_limited(space: Space) -> None
     assert sum(space.vehicles.refused.values()) == 5 + 6
 
 
+def test_nodes_that_only_listen_take_no_place_of_vehicles(space: Space) -> None:
+    for number in range(MAX_NODES - 1):
+        space.vehicles.token(str(Token(0, ZID, "MS", f"node_{number}", COMMAND)), space.now, is_alive=True)
+    space.token(COMMAND)
+    space.token(STATUS)
+    assert space.remote.guid == GUID.hex()
+    assert len(space.vehicles.routes(space.remote)) == 2
+    space.token(STATUS, OTHER)
+    assert space.vehicles.refused[f"nodes above {MAX_NODES}"] == 1
+    space.vehicles.token(str(Token(0, ZID, "MS", "node_0", COMMAND)), space.now, is_alive=False)
+    space.now += ANEW_NS + 1
+    assert space.vehicles.wants_tokens(space.now)
+
+
+def test_tokens_are_told_anew_once_places_of_vehicles_get_free(space: Space) -> None:
+    strangers = [STATUS._replace(name=f"/uav_{number}/fmu/out/x") for number in range(MAX_VEHICLES)]
+    for key in strangers:
+        space.token(key, OTHER)
+    space.now += ANEW_NS + 1
+    for key in (COMMAND, STATUS):  # as carried vehicles have them: what is read comes first
+        space.token(key)
+    space.sample()
+    assert GUID.hex() not in {each.remote.guid for each in space.all(Connected)}
+    assert not space.vehicles.wants_tokens(space.now)
+    space.token(strangers[0], OTHER, is_alive=False)
+    assert space.vehicles.wants_tokens(space.now)
+    assert not space.vehicles.wants_tokens(space.now)
+    for key in (COMMAND, STATUS):
+        space.token(key)
+    assert space.remote.guid == GUID.hex()
+    assert len(space.vehicles.routes(space.remote)) == 2
+
+
 CARRIED = STATUS._replace(name="/uav_1/fmu/out/vehicle_status_v4")
 READ = COMMAND._replace(name="/uav_1/fmu/in/vehicle_command")
 SPACE = "0/fmu/out/**"
@@ -375,6 +411,34 @@ def test_a_firmware_without_tokens_is_looked_for_only_where_no_vehicle_has_some(
     assert space.vehicles.wanted == {SPACE}
     space.token(STATUS, is_alive=False)
     assert space.vehicles.wanted == {EVERYTHING}
+
+
+def test_a_node_that_listens_to_inputs_lets_nothing_more_cross(space: Space) -> None:
+    Carrier(space)
+    listener = str(Token(0, ZID, "MS", "rosbag", COMMAND))
+    space.vehicles.token(listener, space.now, is_alive=True)
+    assert space.vehicles.wanted == {beat_of(ZID, 0, "uav_1")}
+    space.vehicles.token(listener, space.now, is_alive=False)
+    assert space.vehicles.wanted == {beat_of(ZID, 0, "uav_1")}
+
+
+def test_a_carried_vehicle_whose_beats_are_denied_is_a_warning_with_the_cure(space: Space) -> None:
+    carrier = Carrier(space)
+    space.now += CARRIED_STILL_NS
+    space.vehicles.tick(space.now)
+    assert not space.all(Warned)
+    for _ in range(3):
+        space.now += 1
+        space.vehicles.tick(space.now)
+    (warned,) = space.all(Warned)
+    assert NO_BEAT in warned.text
+    assert "allow the keys @msggen/** in the access control of the router" in warned.text
+    other = Space()
+    carrier = Carrier(other)
+    carrier.beat()
+    other.now += CARRIED_STILL_NS + 1
+    other.vehicles.tick(other.now)
+    assert not other.all(Warned)
 
 
 def test_a_carried_vehicle_is_complete_when_its_beat_is_heard_and_no_token_follows(space: Space) -> None:

@@ -489,6 +489,21 @@ def test_it_ends_when_nobody_uses_it(link: FakeLink, path: Path) -> None:
     assert asked == [False]
 
 
+def test_a_router_of_others_does_not_end_before_they_do(
+    link: FakeLink, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[bool] = []
+
+    def serves_others() -> bool:
+        told.append(len(told) < 3)
+        return told[-1]
+
+    monkeypatch.setattr(link, "serves_others", serves_others, raising=False)
+    with served(link, path, idle=lambda _: 0.0) as server:
+        until(lambda: server._is_over)
+    assert told == [True, True, True, False]
+
+
 def test_a_link_that_fails_ends_its_programs(link: FakeLink, path: Path, px4_types: Any) -> None:
     with served(link, path), Vehicle(UnixLink(str(path)), px4_types) as vehicle:
         link.connect()

@@ -15,7 +15,7 @@ from msggen.cli.commands.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.table import Column, objects_of, print_table
-from msggen.link.rmw_zenoh.names import place_in
+from msggen.link.rmw_zenoh.names import Key, place_in
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _facts(topic: Named, hashed: int | None, found: Connection) -> Iterator[_Fac
     yield _Fact("uORB topic", endpoint.uorb_topic, {"uorb_topic": endpoint.uorb_topic})
     of_module = bool(route and found.vehicle.remote.guid)
     is_on_zenoh = endpoint.object_id is None or of_module  # PX4's module: without ids and limits, with its own QoS
-    key = _zenoh_key(topic)
+    key = _zenoh_key(topic, of_module=of_module)
     yield _Fact("Zenoh key", key, {"zenoh_key": key})
     number = None if is_on_zenoh else str(endpoint.object_id)
     yield _Fact("object id", number, {"object_id": endpoint.object_id})
@@ -104,8 +104,16 @@ def _facts(topic: Named, hashed: int | None, found: Connection) -> Iterator[_Fac
     yield _Fact("in ROS 2", ros_command(topic))
 
 
-def _zenoh_key(topic: Named) -> str | None:
-    """Return the key on Zenoh, with the namespace of the vehicle, None if PX4's list for Zenoh lacks the topic."""
+def _zenoh_key(topic: Named, *, of_module: bool) -> str | None:
+    """Return the key on Zenoh, with the namespace of the vehicle, None if PX4's list for Zenoh lacks the topic.
+
+    That of a vehicle which a process carries there is in the domain of ROS, and has the version in its name.
+    """
+    from msggen.vehicle.owner.network_topics import domain_of_ros
+
+    route = topic.route
+    if route is not None and route.type_hash and not of_module:
+        return str(Key(domain_of_ros(), route.name, route.ros_type, route.type_hash))
     endpoint: Any = topic.endpoint
     domain, mark, rest = endpoint.zenoh_key.partition("/")
     namespace, _ = place_in(topic.name) or ("", "")
