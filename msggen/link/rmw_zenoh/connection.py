@@ -33,6 +33,11 @@ class Connection:
         """Whether this program is the router."""
         return self.session is not None and self.session.is_router
 
+    @property
+    def has_router(self) -> bool:
+        """Whether this program is the router, or is connected to it."""
+        return self.session is not None and self.session.has_router
+
     def open(self) -> None:
         """Open a session. Raises LinkError."""
         try:
@@ -59,7 +64,7 @@ class Connection:
     def look(self) -> None:
         """Open another session if there is no router, and has been none for some time."""
         now = time.monotonic()
-        if self.session is not None and self.session.has_router:
+        if self.has_router:
             self._routed_at = now
         elif now - self._routed_at > _ALONE_S:
             self._routed_at = now

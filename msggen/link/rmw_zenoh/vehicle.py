@@ -72,6 +72,8 @@ class Vehicle:
         """Whether a process of msggen carries it over the network."""
         self.gids: set[bytes] = set()
         """Those of the publishers of a carried vehicle."""
+        self.alive: dict[str, int] = {}
+        """When a process that carries it has told a first token or a beat, by the key of its beats."""
         self.clock: OtherClock | None = None
         """The clock of the process that carries it, in ns since 1970, once it is heard."""
 
@@ -81,6 +83,16 @@ class Vehicle:
         return self.clock is not None or not self.is_carried
 
     @property
+    def cure(self) -> str:
+        """What to do if another vehicle has the same topics."""
+        built = "PX4_UXRCE_DDS_NS when its firmware is built"
+        return f"give each a namespace, {'`uxrce_dds_client start -n uav_1`' if self.is_carried else built}"
+
+    def carriers(self, now: int, longest: int) -> int:
+        """Return how many processes have told in the last `longest` ns that they carry it."""
+        return sum(now - heard <= longest for heard in tuple(self.alive.values()))
+
+    @property
     def teller(self) -> str:
         """Who tells of it."""
         return "its own link, or the process that carries it," if self.is_carried else "PX4, or its module zenoh,"
@@ -88,9 +100,12 @@ class Vehicle:
     @property
     def beats(self) -> list[str]:
         """The keys on which it is told that it is carried. A process that was killed leaves its session behind."""
-        domain, namespace, _ = self.identity
         sessions = [*self.sessions][-_SESSIONS:] if self.is_carried else []
-        return [beat_of(zid, domain, namespace) for zid in sessions]
+        return [self.beat_of(zid) for zid in sessions]
+
+    def beat_of(self, zid: str) -> str:
+        """Return the key of the beats of a session."""
+        return beat_of(zid, self.identity.domain, self.identity.namespace)
 
     @property
     def publishes(self) -> bool:

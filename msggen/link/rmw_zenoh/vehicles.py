@@ -148,7 +148,7 @@ class Vehicles:
         if told is None or vehicle is None:
             self.refused["beats that are not of the form"] += 1
             return
-        vehicle.heard = now
+        vehicle.heard = vehicle.alive[key] = now
         vehicle.clock = vehicle.clock or OtherClock()
         vehicle.clock.hear(told.time, "")
         if vehicle.remote is None:
@@ -207,9 +207,12 @@ class Vehicles:
         readers = sum(each.routes.get(route.name) == known for each in tuple(self._by_remote.values()))
         if readers > 1:
             raise LinkError(
-                f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: give each a "
-                "namespace, PX4_UXRCE_DDS_NS when its firmware is built"
+                f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: {vehicle.cure}"
             )
+        if vehicle.carriers(now, CARRIED_STILL_NS) > 1:
+            raise LinkError(f"{_twins(remote)} are on this network, so that both get what is published: {vehicle.cure}")
+        if vehicle.sequences.are_two and len(vehicle.sessions) > 1:
+            raise LinkError(f"two vehicles have the guid {remote.address}, so that both get it: {vehicle.cure}")
         longest = CARRIED_STILL_NS if vehicle.is_carried else STILL_NS
         if now - vehicle.heard > longest or not vehicle.is_heard:
             raise StaleError(f"nothing has arrived from the vehicle for more than {longest / 1e9:g} s: dropped")
@@ -251,6 +254,8 @@ class Vehicles:
         vehicle.told = now
         if vehicle.is_carried:
             vehicle.gids.add(gid_of(text))
+            if is_new:
+                vehicle.alive[vehicle.beat_of(token.zid)] = now
         if is_new:
             self._choose()
         if is_new and vehicle.remote is not None and len(vehicle.sessions) > 1:
@@ -273,6 +278,7 @@ class Vehicles:
         vehicle.gids.discard(gid_of(text))
         if not keys:
             del vehicle.sessions[zid]
+            vehicle.alive.pop(vehicle.beat_of(zid), None)
             self._choose()
         if not vehicle.publishes:
             self._disconnect(vehicle, f"its tokens are gone: {vehicle.teller} has ended")
@@ -387,13 +393,18 @@ class Vehicles:
             self.lost += missing
             self._told(Lost(remote, missing))
         if vehicle.sequences.are_two and not were_two:
-            self._warn(
-                f"two vehicles have the guid {remote.guid} and the same topics, as boards without a unique id and "
-                "simulations do, and cannot be told apart: give each a namespace (PX4_UXRCE_DDS_NS)"
-            )
+            who = _twins(remote) if vehicle.is_carried else f"two vehicles with the guid {remote.address}"
+            boards = "" if vehicle.is_carried else ", as boards without a unique id and simulations do"
+            self._warn(f"{who} have the same topics{boards}, and cannot be told apart: {vehicle.cure}")
 
     def _warn(self, text: str, about: str = "") -> None:
         """Tell a warning, one about each thing."""
         if (about or text) not in self._has_told:
             self._has_told.add(about or text)
             self._told(Warned(text))
+
+
+def _twins(remote: Remote) -> str:
+    """Return what two vehicles are that processes of msggen carry, and which have one name."""
+    place = f"in the namespace '{remote.namespace}'" if remote.namespace else "without a namespace"
+    return f"two vehicles with the key {remote.key} and {place}"

@@ -26,6 +26,7 @@ from msggen.link.rmw_zenoh.names import (
     beat_of,
     carrier_of,
     gid_of,
+    key_of_carried,
     parse_attachment,
     parse_token,
     place_in,
@@ -50,6 +51,8 @@ _BEAT_S: Final = 0.1
 _MOST: Final = 1000
 """The samples that may wait for the thread of the network. Further ones are refused."""
 _MOST_TOKENS: Final = 200_000
+_LEFT_S: Final = 2.0
+"""How long a namespace that others have left stays theirs, from when there is a router: they connect again, too."""
 
 
 class Network:
@@ -74,6 +77,8 @@ class Network:
         """By the number of the vehicle and the name of the route. Replaced as a whole."""
         self._strangers: dict[str, set[str]] = {}
         """The tokens of others that publish topics of vehicles, by namespace."""
+        self._left: dict[str, float] = {}
+        """When a namespace that others have left is free, of the monotonic clock."""
         self._waiting = Waiting()
         self.refusals = Refusals()
         self._aside = Aside("msggen-network-aside", _MOST, lambda error: LOGGER.warning("on the network: %s", error))
@@ -154,15 +159,20 @@ class Network:
 
     def _begin(self, session: Session) -> None:
         """Declare all anew in a session."""
+        self._left.update(dict.fromkeys(self._strangers, time.monotonic() + _LEFT_S))
         self._strangers.clear()
-        session.tokens(self._take_token)
+        session.tokens(partial(self._take_token, session))
         for vehicle in tuple(self._vehicles.values()):
             vehicle.declared.clear()  # it has ended with the session before
             self._declare(vehicle)
 
-    def _take_token(self, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
+    def _take_token(self, session: Session, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
+        def note() -> None:
+            if session is self._connection.session:  # nothing would tell that a token of one before is gone
+                self._note(text, is_alive=is_alive)
+
         if self._queue.qsize() < _MOST_TOKENS:
-            self._queue.put(lambda: self._note(text, is_alive=is_alive))
+            self._queue.put(note)
 
     def _take_sample(self, vehicle: OnNetwork, topic: Topic, _: str, payload: bytes, attachment: bytes | None) -> None:
         arrived, until = time.time_ns(), expiry()
@@ -184,6 +194,7 @@ class Network:
                     beat = now
                     self._beat()
                     self._connection.look()
+                    self._settle(now)
         except LinkError as error:
             if not self._is_closing:
                 LOGGER.error("the network has ended: %s", error)
@@ -211,13 +222,34 @@ class Network:
         found = self._strangers.get(place[0], set())
         if is_alive and len(found) < _MOST and (found or len(self._strangers) < _MOST):
             self._strangers.setdefault(place[0], set()).add(text)
-            if any(each.entry.remote.namespace == place[0] for each in self._vehicles.values()):
-                self._tell(_taken(place[0]))
+            self._contest(place[0], token, session)
         elif not is_alive and text in found:
             found.discard(text)
             if not found:
                 del self._strangers[place[0]]
-                self._sort()
+                if len(self._left) < _MOST:
+                    self._left[place[0]] = time.monotonic() + _LEFT_S
+
+    def _contest(self, namespace: str, token: Token, session: Session) -> None:
+        """Withdraw a vehicle whose namespace another process carries, too, whose session has the smaller id.
+
+        That process compares the same ids, and keeps its vehicle. A vehicle that is not declared yet comes second.
+        """
+        is_theirs = key_of_carried(token.node) is not None and int(token.zid, 16) < int(session.zid, 16)
+        for number, vehicle in tuple(self._vehicles.items()):
+            if vehicle.entry.remote.namespace == namespace:
+                if is_theirs or not vehicle.declared:
+                    self._end(number)
+                else:
+                    self._tell(_taken(namespace, token.zid))
+
+    def _settle(self, now: float) -> None:
+        """Carry the vehicles of namespaces that others have left for good: a lost router takes all tokens with it."""
+        if not self._connection.has_router:
+            self._left = dict.fromkeys(self._left, now + _LEFT_S)
+        elif any(free <= now for free in self._left.values()):
+            self._left = {namespace: free for namespace, free in self._left.items() if free > now}
+            self._sort()
 
     def _update(self, entry: Entry) -> None:
         """Carry a vehicle whose definitions are known, or what it has got since."""
@@ -235,10 +267,12 @@ class Network:
         carried = [each.entry.remote for each in self._vehicles.values()]
         with self._lock:
             present = [each.remote for each in self._entries.values() if each.check.is_complete]
-        free = [each for each in present if not self._strangers.get(each.namespace)]
+        others = {namespace: parse_token(next(iter(texts))) for namespace, texts in self._strangers.items() if texts}
+        free = [each for each in present if each.namespace not in others and each.namespace not in self._left]
         for remote in present:
-            if remote not in carried and self._strangers.get(remote.namespace):
-                self._tell(f"not carried: {shown(remote)}: {_taken(remote.namespace)}")
+            other = others.get(remote.namespace)
+            if remote not in carried and other is not None:
+                self._tell(f"not carried: {shown(remote)}: {_taken(remote.namespace, other.zid)}")
         found = sort(carried, free, NAMESPACES)
         for _, reason in found.refused:
             self._tell(f"not carried: {reason}")
@@ -327,7 +361,7 @@ class Network:
 
     def _end(self, number: int) -> None:
         vehicle = self._vehicles.pop(number, None)
-        if vehicle is not None:
+        if vehicle is not None and vehicle.declared:
             self._withdraw(vehicle)
             LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
         self._sort()
@@ -391,6 +425,6 @@ class Network:
 _TYPES: Final = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
 
 
-def _taken(namespace: str) -> str:
+def _taken(namespace: str, zid: str) -> str:
     name = f"of the namespace '{namespace}'" if namespace else "without a namespace"
-    return f"another program publishes topics {name} on this network: {NAMESPACES}"
+    return f"another program publishes topics {name} on this network, in the session {zid}: {NAMESPACES}"
