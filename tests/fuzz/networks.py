@@ -102,6 +102,7 @@ def check(case: Case) -> None:
         assert len(link.sent) > case.size / 2
     finally:
         network._aside.close(1.0)
+        network._answers.close(1.0)
 
 
 def _put(network: Any, vehicle: Any, topic: Topic, payload: bytes, attachment: bytes | None) -> None:

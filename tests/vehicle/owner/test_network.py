@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -9,8 +10,10 @@ from typing import Any
 import pytest
 
 from msggen.link.address import parse_address
-from msggen.link.link import Remote, Route
+from msggen.link.link import LinkError, Remote, Route
+from msggen.link.rmw_zenoh.names import parse_attachment, parse_token
 from msggen.vehicle.owner.network import Network
+from msggen.vehicle.owner.network_topics import Flow
 from msggen.vehicle.owner.owner import LOGGER
 
 LATER = 2.1
@@ -113,12 +116,12 @@ class Process:
         session.connect()
         return session
 
-    def vehicle(self) -> None:
+    def vehicle(self, remote: Remote = REMOTE) -> None:
         """Let the vehicle connect."""
         info = self.types.VehicleStatus.__msg__
-        self.network.connected(REMOTE)
-        self.network.opened(REMOTE, Route(NAME, info.ros_type, "out", 1, "", info.message_hash))
-        self.network.identified(REMOTE, {}, is_complete=True)
+        self.network.connected(remote)
+        self.network.opened(remote, Route(NAME, info.ros_type, "out", 1, "", info.message_hash))
+        self.network.identified(remote, {}, is_complete=True)
 
     def run(self) -> None:
         """Do what waits for the thread of the network."""
@@ -143,6 +146,7 @@ def pair(space: Space, px4_types: Any) -> Iterator[tuple[Process, Process]]:
     yield found
     for each in found:
         each.network._aside.close(1.0)
+        each.network._answers.close(1.0)
 
 
 def run(*processes: Process) -> None:
@@ -253,3 +257,137 @@ def test_a_node_of_ros_takes_no_vehicle_away(pair: tuple[Process, Process], spac
     first.run()
     assert first.carries
     assert "in the session 01" in caplog.text
+
+
+def test_questions_of_others_keep_no_vehicle_off_the_network(pair: tuple[Process, Process]) -> None:
+    first, _ = pair
+    hung, dropped = threading.Event(), list[bool]()
+
+    class Question:
+        def close(self) -> None:
+            dropped.append(True)
+
+        def reply(self, *_: Any) -> None:
+            pass
+
+    first.network._link.last = lambda *_: hung.wait(20.0) and None
+    topic = type("Topic", (), {"route": Route(NAME, "", "out", 1)})
+    ask = first.network._answerer(REMOTE, topic)
+    try:
+        for _ in range(1100):
+            ask(Question())
+        assert dropped  # whoever asks need not wait
+        first.vehicle()
+        first.run()
+        assert first.carries
+    finally:
+        hung.set()
+
+
+@pytest.mark.parametrize("is_full", [True, False])
+def test_types_that_were_not_found_are_looked_for_again(pair: tuple[Process, Process], is_full: bool) -> None:  # noqa: FBT001
+    """Too much waits, or an error, such as a disk that is full."""
+    first, _ = pair
+    find, do = first.network._types, first.network._aside.do
+    if is_full:
+        first.network._aside.do = lambda _: False
+    else:
+        first.network._types = lambda _: 1 / 0
+    first.vehicle()
+    first.run()
+    assert not first.carries
+    first.network._aside.do, first.network._types = do, find
+    first.network._look_again(time.monotonic())
+    first.run()
+    assert not first.carries  # not all the time
+    first.network._look_again(time.monotonic() + 11.0)
+    first.run()
+    assert first.carries
+
+
+def test_the_log_tells_the_router(pair: tuple[Process, Process], space: Space, caplog: Any, monkeypatch: Any) -> None:
+    caplog.set_level("INFO", LOGGER.name)
+    first, _ = pair
+    connection = first.network._connection
+
+    def told() -> list[str]:
+        first.network._tell_role()
+        first.network._tell_role()
+        found = [each.getMessage().removeprefix("zenoh tcp/127.0.0.1:7447: ") for each in caplog.records]
+        caplog.clear()
+        return found
+
+    def fail() -> None:
+        raise LinkError("the port is in use")
+
+    assert told() == ["a client of the router there"]
+    space.lose()
+    assert told() == ["no router: its connection has ended"]
+    monkeypatch.setattr(connection, "open", fail)
+    connection._routed_at = time.monotonic() - 10.0
+    connection.look()
+    assert told() == ["no router: the port is in use"]
+    connection.session = session = Session(space, "0e" * 16)
+    session.has_router = session.is_router = True
+    connection.look()
+    assert told() == ["this process is the router"]
+
+
+def test_the_log_tells_why_the_network_has_ended(pair: tuple[Process, Process], caplog: Any) -> None:
+    caplog.set_level("INFO", LOGGER.name)
+    pair[0].network.failed("it sent what is no record")
+    assert "the network has ended: it sent what is no record" in caplog.text
+
+
+def test_two_threads_count_the_samples_of_a_topic_together() -> None:
+    """What a subscriber has missed is published beside what arrives."""
+    numbers: list[int] = []
+
+    class Publisher:
+        def put(self, _payload: bytes, attachment: bytes) -> None:
+            told = parse_attachment(attachment)
+            assert told is not None
+            time.sleep(0.0001)
+            numbers.append(told.sequence)
+
+    publisher: Any = Publisher()
+    flow = Flow(publisher, bytes(16))
+
+    def put() -> None:
+        for _ in range(100):
+            flow.put(b"", 5)
+
+    threads = [threading.Thread(target=put) for _ in range(2)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join()
+    assert numbers == [*range(1, 201)]
+    flow.put(b"", 5, after=1)  # it is the newest one already
+    flow.put(b"", 6, after=7)
+    assert flow.sequence == 200
+    flow.put(b"", 6, after=5)
+    assert flow.sequence == 201
+
+
+def test_tokens_stay_of_the_form_however_many_vehicles_there_were(pair: tuple[Process, Process]) -> None:
+    first, _ = pair
+    first.vehicle(REMOTE._replace(number=123_456))
+    first.run()
+    assert first.carries
+    assert all(parse_token(token) for token in first.session.own)
+
+
+def test_samples_do_not_wait_for_all_tokens(pair: tuple[Process, Process], monkeypatch: Any) -> None:
+    first, _ = pair
+    sent: list[bytes] = []
+    network = first.network
+    topic = type("Topic", (), {"key": type("Key", (), {"name": "/fmu/in/x"})})
+    for number in range(2000):
+        network._take_token(first.session, str(number), is_alive=True)
+    monkeypatch.setattr(network, "_send", lambda _vehicle, _topic, payload, *_: sent.append(payload))
+    for number in range(3):
+        network._take_sample(None, topic, "", bytes([number]), None)
+    network._do_next()
+    assert sent == [b"\0", b"\1", b"\2"]
+    assert not network.refusals.counts
