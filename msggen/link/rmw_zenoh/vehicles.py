@@ -42,6 +42,7 @@ from msggen.link.rmw_zenoh.names import (
 )
 from msggen.link.rmw_zenoh.sequences import Sequences
 from msggen.link.rmw_zenoh.vehicle import (
+    NO_HASHES,
     OLD,
     PX4,
     Flow,
@@ -209,10 +210,8 @@ class Vehicles:
             raise LinkError(
                 f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: {vehicle.cure}"
             )
-        if vehicle.carriers(now, CARRIED_STILL_NS) > 1:
-            raise LinkError(f"{_twins(remote)} are on this network, so that both get what is published: {vehicle.cure}")
-        if vehicle.sequences.are_two and len(vehicle.sessions) > 1:
-            raise LinkError(f"two vehicles have the guid {remote.address}, so that both get it: {vehicle.cure}")
+        if vehicle.has_twin(now, CARRIED_STILL_NS):
+            raise LinkError(f"{vehicle.twins} are on this network, so that both get what is published: {vehicle.cure}")
         longest = CARRIED_STILL_NS if vehicle.is_carried else STILL_NS
         if now - vehicle.heard > longest or not vehicle.is_heard:
             raise StaleError(f"nothing has arrived from the vehicle for more than {longest / 1e9:g} s: dropped")
@@ -266,10 +265,7 @@ class Vehicles:
             vehicle.heard = now
             self._connect(vehicle, now)
         if key.type_hash == NO_HASH:
-            self._warn(
-                "the keys have no hashes of types (CONFIG_ZENOH_KEY_TYPE_HASH=n), so that nothing tells which version "
-                "of a message the vehicle has: build its firmware with CONFIG_ZENOH_KEY_TYPE_HASH=y"
-            )
+            self._warn(NO_HASHES)
 
     def _remove(self, vehicle: Vehicle, text: str, zid: str, now: int) -> None:
         keys = vehicle.sessions.get(zid)
@@ -393,18 +389,11 @@ class Vehicles:
             self.lost += missing
             self._told(Lost(remote, missing))
         if vehicle.sequences.are_two and not were_two:
-            who = _twins(remote) if vehicle.is_carried else f"two vehicles with the guid {remote.address}"
             boards = "" if vehicle.is_carried else ", as boards without a unique id and simulations do"
-            self._warn(f"{who} have the same topics{boards}, and cannot be told apart: {vehicle.cure}")
+            self._warn(f"{vehicle.twins} have the same topics{boards}, and cannot be told apart: {vehicle.cure}")
 
     def _warn(self, text: str, about: str = "") -> None:
         """Tell a warning, one about each thing."""
         if (about or text) not in self._has_told:
             self._has_told.add(about or text)
             self._told(Warned(text))
-
-
-def _twins(remote: Remote) -> str:
-    """Return what two vehicles are that processes of msggen carry, and which have one name."""
-    place = f"in the namespace '{remote.namespace}'" if remote.namespace else "without a namespace"
-    return f"two vehicles with the key {remote.key} and {place}"

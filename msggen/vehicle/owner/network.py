@@ -403,9 +403,10 @@ class Network:
 
     def _end(self, number: int) -> None:
         vehicle = self._vehicles.pop(number, None)
-        if vehicle is not None and vehicle.declared:
+        if vehicle is not None:
+            if vehicle.declared:
+                LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
             self._withdraw(vehicle)
-            LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
         self._sort()
 
     def _follower(self, remote: Remote, route: Route) -> Callable[[bool], None]:
