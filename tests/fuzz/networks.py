@@ -66,6 +66,8 @@ class Link:
 class Session:
     """A session of Zenoh."""
 
+    zid = ZID
+
     def is_own(self, zid: str) -> bool:
         """Whether it is the one of the process."""
         return zid == ZID
@@ -93,12 +95,14 @@ def check(case: Case) -> None:
             if len(link.sent) > before:
                 assert link.sent[-1] == own, "a sample of a node that behaves has not arrived"
             assert len(network._strangers) <= MOST
+            assert len(network._left) <= MOST
             assert sum(map(len, network._strangers.values())) <= MOST * MOST
             assert len(network._waiting._ways) <= MOST
             assert set(network.refusals.counts) <= {NAME}
         assert len(link.sent) > case.size / 2
     finally:
         network._aside.close(1.0)
+        network._answers.close(1.0)
 
 
 def _put(network: Any, vehicle: Any, topic: Topic, payload: bytes, attachment: bytes | None) -> None:

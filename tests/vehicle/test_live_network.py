@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import pytest
@@ -151,6 +151,31 @@ def test_a_router_that_was_killed_and_is_back_has_the_vehicle_again(px4_types: A
             attitudes.wait_for(lambda _: True, 10.0)
             with vehicle.every(10, px4_types.OffboardControlMode()):
                 until(lambda: "/fmu/in/offboard_control_mode" in space.simulator.vehicles[0].received)
+
+
+def test_a_command_reaches_one_of_two_namesakes_whose_router_was_lost(px4_types: Any, monkeypatch: Any) -> None:
+    """Neither sees the tokens of the other one while there is no router."""
+    monkeypatch.setattr("msggen.link.rmw_zenoh.connection._ALONE_S", 60.0)
+    port = free_port()
+    with ExitStack() as stack:
+        router = stack.enter_context(session(port, "router"))
+        first = stack.enter_context(networked(px4_types, port=port))
+        until(lambda: first.network._flows)
+        second = stack.enter_context(networked(px4_types, port=port))
+        until(lambda: second.network._strangers and second.network._entries)
+        both = (first.network, second.network)
+        router.close()
+        until(lambda: not any(each._connection.has_router for each in both))
+        until(lambda: second.network._left)
+        stack.enter_context(session(port, "router"))
+        vehicle = stack.enter_context(Vehicle(first.url, px4_types, direct=True))
+        vehicle.wait_connected(30.0)
+        until(lambda: not second.network._left and all(each._connection.has_router for each in both))
+        until(lambda: sum(bool(each._flows) for each in both) == 1)
+        name = "/fmu/in/offboard_control_mode"
+        with vehicle.every(10, px4_types.OffboardControlMode()):
+            until(lambda: any(name in each.simulator.vehicles[0].received for each in (first, second)))
+        assert sum(name in each.simulator.vehicles[0].received for each in (first, second)) == 1
 
 
 def test_what_is_late_or_no_sample_does_not_reach_the_vehicle(px4_types: Any) -> None:

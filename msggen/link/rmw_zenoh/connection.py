@@ -14,6 +14,7 @@ from msggen.link.link import LinkError
 if TYPE_CHECKING:
     from msggen.link.rmw_zenoh.session import Session
 
+_LOST: Final = "its connection has ended"
 _ALONE_S: Final = 3.0
 """The time without a router after which a client tries to be the router."""
 
@@ -27,6 +28,8 @@ class Connection:
         self._routed_at = 0.0
         self.session: Session | None = None
         """None while there is no router."""
+        self._problem = _LOST
+        """Why there is none."""
 
     @property
     def is_router(self) -> bool:
@@ -38,6 +41,18 @@ class Connection:
         """Whether this program is the router of other sessions."""
         session = self.session
         return session is not None and session.is_router and session.has_others
+
+    @property
+    def has_router(self) -> bool:
+        """Whether this program is the router, or is connected to it."""
+        return self.session is not None and self.session.has_router
+
+    @property
+    def role(self) -> str:
+        """What this program is on the network, for people."""
+        if not self.has_router:
+            return f"no router: {self._problem}"
+        return "this process is the router" if self.is_router else "a client of the router there"
 
     def open(self) -> None:
         """Open a session. Raises LinkError."""
@@ -70,13 +85,15 @@ class Connection:
     def look(self) -> None:
         """Open another session if there is no router, and has been none for some time."""
         now = time.monotonic()
-        if self.session is not None and self.session.has_router:
-            self._routed_at = now
+        if self.has_router:
+            self._routed_at, self._problem = now, _LOST
         elif now - self._routed_at > _ALONE_S:
             self._routed_at = now
             self.close()
-            with suppress(LinkError):  # until it is possible
+            try:
                 self.open()
+            except LinkError as error:  # until it is possible
+                self._problem = str(error)
 
     def close(self) -> None:
         """End the session. Can be repeated."""

@@ -15,6 +15,10 @@ PX4: Final = re.compile("px4_([0-9a-f]{32})")
 """The names of the nodes of PX4's module `zenoh`, with the guid."""
 OLD: Final = re.compile(r"(?:rt/)?(?:[A-Za-z0-9_]+/)*fmu/out/[A-Za-z0-9_]+")
 """The keys of PX4 v1.16 and before."""
+NO_HASHES: Final = (
+    "the keys have no hashes of types (CONFIG_ZENOH_KEY_TYPE_HASH=n), so that nothing tells which version "
+    "of a message the vehicle has: build its firmware with CONFIG_ZENOH_KEY_TYPE_HASH=y"
+)
 _SESSIONS: Final = 4
 """The newest sessions of a vehicle whose beats are heard."""
 
@@ -72,6 +76,8 @@ class Vehicle:
         """Whether a process of msggen carries it over the network."""
         self.gids: set[bytes] = set()
         """Those of the publishers of a carried vehicle."""
+        self.alive: dict[str, int] = {}
+        """When a process that carries it has told a first token or a beat, by the key of its beats."""
         self.clock: OtherClock | None = None
         """The clock of the process that carries it, in ns since 1970, once it is heard."""
 
@@ -81,6 +87,29 @@ class Vehicle:
         return self.clock is not None or not self.is_carried
 
     @property
+    def cure(self) -> str:
+        """What to do if another vehicle has the same topics."""
+        built = "PX4_UXRCE_DDS_NS when its firmware is built"
+        return f"give each a namespace, {'`uxrce_dds_client start -n uav_1`' if self.is_carried else built}"
+
+    def has_twin(self, now: int, longest: int) -> bool:
+        """Whether another vehicle has its names: several processes have told in `longest` ns that they carry it.
+
+        Sessions of PX4 stay behind for a minute, so of those, two must publish.
+        """
+        carriers = sum(now - heard <= longest for heard in tuple(self.alive.values()))
+        return carriers > 1 or (self.sequences.are_two and not self.is_carried and len(self.sessions) > 1)
+
+    @property
+    def twins(self) -> str:
+        """What it and another vehicle of its names are, for people."""
+        _, namespace, node = self.identity
+        place = f"in the namespace '{namespace}'" if namespace else "without a namespace"
+        key, found = key_of_carried(node), PX4.fullmatch(node)
+        name = f"key {key}" if key is not None else f"guid {found[1]}" if found else f"node {node}"
+        return f"two vehicles with the {name} and {place}"
+
+    @property
     def teller(self) -> str:
         """Who tells of it."""
         return "its own link, or the process that carries it," if self.is_carried else "PX4, or its module zenoh,"
@@ -88,9 +117,12 @@ class Vehicle:
     @property
     def beats(self) -> list[str]:
         """The keys on which it is told that it is carried. A process that was killed leaves its session behind."""
-        domain, namespace, _ = self.identity
         sessions = [*self.sessions][-_SESSIONS:] if self.is_carried else []
-        return [beat_of(zid, domain, namespace) for zid in sessions]
+        return [self.beat_of(zid) for zid in sessions]
+
+    def beat_of(self, zid: str) -> str:
+        """Return the key of the beats of a session."""
+        return beat_of(zid, self.identity.domain, self.identity.namespace)
 
     @property
     def publishes(self) -> bool:

@@ -42,6 +42,7 @@ from msggen.link.rmw_zenoh.names import (
 )
 from msggen.link.rmw_zenoh.sequences import Sequences
 from msggen.link.rmw_zenoh.vehicle import (
+    NO_HASHES,
     OLD,
     PX4,
     Flow,
@@ -156,7 +157,7 @@ class Vehicles:
         if told is None or vehicle is None:
             self.refused["beats that are not of the form"] += 1
             return
-        vehicle.heard = now
+        vehicle.heard = vehicle.alive[key] = now
         vehicle.clock = vehicle.clock or OtherClock()
         vehicle.clock.hear(told.time, "")
         if vehicle.remote is None:
@@ -228,9 +229,10 @@ class Vehicles:
         readers = sum(each.routes.get(route.name) == known for each in tuple(self._by_remote.values()))
         if readers > 1:
             raise LinkError(
-                f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: give each a "
-                "namespace, PX4_UXRCE_DDS_NS when its firmware is built"
+                f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: {vehicle.cure}"
             )
+        if vehicle.has_twin(now, CARRIED_STILL_NS):
+            raise LinkError(f"{vehicle.twins} are on this network, so that both get what is published: {vehicle.cure}")
         longest = CARRIED_STILL_NS if vehicle.is_carried else STILL_NS
         if now - vehicle.heard > longest or not vehicle.is_heard:
             raise StaleError(f"nothing has arrived from the vehicle for more than {longest / 1e9:g} s: dropped")
@@ -283,6 +285,8 @@ class Vehicles:
         vehicle.told = now
         if vehicle.is_carried:
             vehicle.gids.add(gid_of(text))
+            if is_new:
+                vehicle.alive[vehicle.beat_of(token.zid)] = now
         if is_new or vehicle.publishes != was_there:
             self._choose()
         if is_new and vehicle.remote is not None and len(vehicle.sessions) > 1:
@@ -293,10 +297,7 @@ class Vehicles:
             vehicle.heard = now
             self._connect(vehicle, now)
         if key.type_hash == NO_HASH:
-            self._warn(
-                "the keys have no hashes of types (CONFIG_ZENOH_KEY_TYPE_HASH=n), so that nothing tells which version "
-                "of a message the vehicle has: build its firmware with CONFIG_ZENOH_KEY_TYPE_HASH=y"
-            )
+            self._warn(NO_HASHES)
 
     def _remove(self, vehicle: Vehicle, text: str, zid: str, now: int) -> None:
         keys = vehicle.sessions.get(zid)
@@ -306,6 +307,7 @@ class Vehicles:
         vehicle.gids.discard(gid_of(text))
         if not keys:
             del vehicle.sessions[zid]
+            vehicle.alive.pop(vehicle.beat_of(zid), None)
         if not keys or vehicle.publishes != was_there:
             self._choose()
         if not vehicle.publishes:
@@ -423,10 +425,8 @@ class Vehicles:
             self.lost += missing
             self._told(Lost(remote, missing))
         if vehicle.sequences.are_two and not were_two:
-            self._warn(
-                f"two vehicles have the guid {remote.guid} and the same topics, as boards without a unique id and "
-                "simulations do, and cannot be told apart: give each a namespace (PX4_UXRCE_DDS_NS)"
-            )
+            boards = "" if vehicle.is_carried else ", as boards without a unique id and simulations do"
+            self._warn(f"{vehicle.twins} have the same topics{boards}, and cannot be told apart: {vehicle.cure}")
 
     def _warn(self, text: str, about: str = "") -> None:
         """Tell a warning, one about each thing."""

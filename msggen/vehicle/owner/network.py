@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
+from logging import INFO, WARNING
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
@@ -26,6 +27,7 @@ from msggen.link.rmw_zenoh.names import (
     beat_of,
     carrier_of,
     gid_of,
+    key_of_carried,
     parse_attachment,
     parse_token,
     place_in,
@@ -50,6 +52,10 @@ _BEAT_S: Final = 0.1
 _MOST: Final = 1000
 """The samples that may wait for the thread of the network. Further ones are refused."""
 _MOST_TOKENS: Final = 200_000
+_RETRY_S: Final = 10.0
+"""The time after which types are looked for again that were not found, because of an error."""
+_LEFT_S: Final = 2.0
+"""How long a namespace that others have left stays theirs, from when there is a router: they connect again, too."""
 
 
 class Network:
@@ -66,6 +72,8 @@ class Network:
         self._domain = domain_of_ros()
         self._connection = Connection(address.host, address.port, address.config, self._begin)
         self._queue: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._samples: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        """The same for samples to vehicles, which do not wait for all tokens."""
         self._lock = threading.RLock()
         self._entries = Entries(self._link, self._lock, lambda entry, _: self._queue.put(lambda: self._update(entry)))
         self._vehicles: dict[int, OnNetwork] = {}
@@ -74,11 +82,17 @@ class Network:
         """By the number of the vehicle and the name of the route. Replaced as a whole."""
         self._strangers: dict[str, set[str]] = {}
         """The tokens of others that publish topics of vehicles, by namespace."""
+        self._left: dict[str, float] = {}
+        """When a namespace that others have left is free, of the monotonic clock."""
         self._waiting = Waiting()
         self.refusals = Refusals()
-        self._aside = Aside("msggen-network-aside", _MOST, lambda error: LOGGER.warning("on the network: %s", error))
+        self._aside = Aside("msggen-network-aside", _MOST, self._fail)
         """Finds types, and asks the owner for last samples: both can take a second."""
+        self._answers = Aside("msggen-network-answers", _MOST, self._fail)
+        """Answers what others ask, as often as they like."""
         self._told: set[str] = set()
+        self._role = ""
+        """What is told of this process on the network."""
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="msggen-network", daemon=True)
 
@@ -90,11 +104,7 @@ class Network:
     def start(self) -> None:
         """Open the session, and join the owner soon. Raises LinkError."""
         self._connection.open()
-        warning = self._connection.warning("read all topics, and command the vehicles")
-        if warning:
-            LOGGER.warning("%s", warning)
-        role = "this process is the router" if self._connection.is_router else "a client of the router there"
-        LOGGER.info("%s: %s", self._name, role)
+        self._tell_role()
         self._thread.start()
 
     def close(self) -> None:
@@ -104,6 +114,7 @@ class Network:
             self._thread.join()
         self._connection.close()
         self._aside.close(_BEAT_S)
+        self._answers.close(_BEAT_S)
 
     # --- What happens at the owner: the listener of the link, in its thread
 
@@ -146,30 +157,39 @@ class Network:
     def warned(self, text: str) -> None:
         """Do nothing: the owner has told it."""
 
-    def failed(self, reason: str) -> None:  # noqa: ARG002
+    def failed(self, reason: str) -> None:
         """End with the owner."""
+        if not self._is_closing:
+            LOGGER.info("the network has ended: %s", reason)  # also at the end of the owner
         self._is_closing = True
 
     # --- What arrives from the network, in threads of Zenoh
 
     def _begin(self, session: Session) -> None:
         """Declare all anew in a session."""
+        self._left.update(dict.fromkeys(self._strangers, time.monotonic() + _LEFT_S))
         self._strangers.clear()
-        session.tokens(self._take_token)
+        session.tokens(partial(self._take_token, session))
         for vehicle in tuple(self._vehicles.values()):
             vehicle.declared.clear()  # it has ended with the session before
             self._declare(vehicle)
 
-    def _take_token(self, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
+    def _take_token(self, session: Session, text: str, is_alive: bool) -> None:  # noqa: FBT001 - as Session calls it
+        def note() -> None:
+            if session is self._connection.session:  # nothing would tell that a token of one before is gone
+                self._note(text, is_alive=is_alive)
+
         if self._queue.qsize() < _MOST_TOKENS:
-            self._queue.put(lambda: self._note(text, is_alive=is_alive))
+            self._queue.put(note)
 
     def _take_sample(self, vehicle: OnNetwork, topic: Topic, _: str, payload: bytes, attachment: bytes | None) -> None:
         arrived, until = time.time_ns(), expiry()
-        if self._queue.qsize() >= _MOST:
+        if self._samples.qsize() >= _MOST:
             self.refusals.add(topic.key.name, f"more than {_MOST} samples wait")
-        else:
-            self._queue.put(lambda: self._send(vehicle, topic, payload, attachment, arrived, until))
+            return
+        self._samples.put(lambda: self._send(vehicle, topic, payload, attachment, arrived, until))
+        if self._queue.empty():
+            self._queue.put(lambda: None)  # so that the thread looks at once
 
     # --- The thread of the network
 
@@ -178,12 +198,14 @@ class Network:
             self._link.start(self)
             beat = 0.0
             while not self._is_closing:
-                with suppress(Empty):
-                    self._queue.get(timeout=_BEAT_S)()
+                self._do_next()
                 if (now := time.monotonic()) - beat >= _BEAT_S:
                     beat = now
                     self._beat()
                     self._connection.look()
+                    self._tell_role()
+                    self._settle(now)
+                    self._look_again(now)
         except LinkError as error:
             if not self._is_closing:
                 LOGGER.error("the network has ended: %s", error)
@@ -200,6 +222,24 @@ class Network:
             if vehicle.beat is not None and vehicle.beat.publisher.is_heard:
                 vehicle.beat.put(b"", time.time_ns())
 
+    def _do_next(self) -> None:
+        """Wait for something to do, and send the samples that wait."""
+        with suppress(Empty):
+            self._queue.get(timeout=_BEAT_S)()
+        for _ in range(self._samples.qsize()):
+            self._samples.get()()
+
+    def _tell_role(self) -> None:
+        """Tell that the router is lost or back, or who it is now, once."""
+        role = self._connection.role
+        if role == self._role:
+            return
+        self._role = role
+        warning = self._connection.warning("read all topics, and command the vehicles")
+        if warning:
+            LOGGER.warning("%s", warning)
+        LOGGER.log(INFO if self._connection.has_router else WARNING, "%s: %s", self._name, role)
+
     def _note(self, text: str, *, is_alive: bool) -> None:
         """Take a token of somebody who publishes topics of a vehicle."""
         token, session = parse_token(text), self._connection.session
@@ -211,13 +251,34 @@ class Network:
         found = self._strangers.get(place[0], set())
         if is_alive and len(found) < _MOST and (found or len(self._strangers) < _MOST):
             self._strangers.setdefault(place[0], set()).add(text)
-            if any(each.entry.remote.namespace == place[0] for each in self._vehicles.values()):
-                self._tell(_taken(place[0]))
+            self._contest(place[0], token, session)
         elif not is_alive and text in found:
             found.discard(text)
             if not found:
                 del self._strangers[place[0]]
-                self._sort()
+                if len(self._left) < _MOST:
+                    self._left[place[0]] = time.monotonic() + _LEFT_S
+
+    def _contest(self, namespace: str, token: Token, session: Session) -> None:
+        """Withdraw a vehicle whose namespace another process carries, too, whose session has the smaller id.
+
+        That process compares the same ids, and keeps its vehicle. A vehicle that is not declared yet comes second.
+        """
+        is_theirs = key_of_carried(token.node) is not None and int(token.zid, 16) < int(session.zid, 16)
+        for number, vehicle in tuple(self._vehicles.items()):
+            if vehicle.entry.remote.namespace == namespace:
+                if is_theirs or not vehicle.declared:
+                    self._end(number)
+                else:
+                    self._tell(_taken(namespace, token.zid))
+
+    def _settle(self, now: float) -> None:
+        """Carry the vehicles of namespaces that others have left for good: a lost router takes all tokens with it."""
+        if not self._connection.has_router:
+            self._left = dict.fromkeys(self._left, now + _LEFT_S)
+        elif any(free <= now for free in self._left.values()):
+            self._left = {namespace: free for namespace, free in self._left.items() if free > now}
+            self._sort()
 
     def _update(self, entry: Entry) -> None:
         """Carry a vehicle whose definitions are known, or what it has got since."""
@@ -235,10 +296,12 @@ class Network:
         carried = [each.entry.remote for each in self._vehicles.values()]
         with self._lock:
             present = [each.remote for each in self._entries.values() if each.check.is_complete]
-        free = [each for each in present if not self._strangers.get(each.namespace)]
+        others = {namespace: parse_token(next(iter(texts))) for namespace, texts in self._strangers.items() if texts}
+        free = [each for each in present if each.namespace not in others and each.namespace not in self._left]
         for remote in present:
-            if remote not in carried and self._strangers.get(remote.namespace):
-                self._tell(f"not carried: {shown(remote)}: {_taken(remote.namespace)}")
+            other = others.get(remote.namespace)
+            if remote not in carried and other is not None:
+                self._tell(f"not carried: {shown(remote)}: {_taken(remote.namespace, other.zid)}")
         found = sort(carried, free, NAMESPACES)
         for _, reason in found.refused:
             self._tell(f"not carried: {reason}")
@@ -256,13 +319,26 @@ class Network:
     def _look_up(self, vehicle: OnNetwork) -> None:
         """Carry a vehicle once its types are found: a package that is not in the cache is built."""
         entry = vehicle.entry
-        vehicle.known = {*entry.routes}
+        vehicle.known, vehicle.looked_at = {*entry.routes}, time.monotonic()
 
         def find() -> None:
-            packages = self._types(entry.firmware())
+            try:
+                packages = self._types(entry.firmware())
+            except BaseException:
+                vehicle.known = set()
+                raise
             self._queue.put(lambda: self._carry(vehicle, packages))
 
-        self._aside.do(find)
+        if not self._aside.do(find):
+            vehicle.known = set()
+
+    def _look_again(self, now: float) -> None:
+        for vehicle in self._vehicles.values():
+            if now - vehicle.looked_at > _RETRY_S and {*vehicle.entry.routes} - vehicle.known:
+                self._look_up(vehicle)
+
+    def _fail(self, error: Exception) -> None:
+        self._tell(f"on the network: {error}")
 
     def _carry(self, vehicle: OnNetwork, packages: Packages) -> None:
         """Declare the topics of a vehicle whose definitions are known."""
@@ -288,7 +364,7 @@ class Network:
         session, remote = self._connection.session, vehicle.entry.remote
         if session is None:
             return
-        count = remote.number * 10_000
+        count = first = remote.number % 100_000 * 10_000  # a number of nine digits, which readers of tokens accept
         node = Token(self._domain, session.zid, "NN", carrier_of(remote.key), ids=(count, count))
         node = node._replace(namespace=remote.namespace)
         flows = dict(self._flows)
@@ -296,7 +372,7 @@ class Network:
         def token_of(kind: Kind, topic: Topic) -> str:
             nonlocal count
             count += 1
-            return str(node._replace(kind=kind, key=topic.key, qos=topic.qos, ids=(remote.number * 10_000, count)))
+            return str(node._replace(kind=kind, key=topic.key, qos=topic.qos, ids=(first, count)))
 
         with suppress(LinkError):  # the session has ended, and another one follows
             vehicle.declared.append(session.declare(str(node)))
@@ -328,8 +404,9 @@ class Network:
     def _end(self, number: int) -> None:
         vehicle = self._vehicles.pop(number, None)
         if vehicle is not None:
+            if vehicle.declared:
+                LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
             self._withdraw(vehicle)
-            LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
         self._sort()
 
     def _follower(self, remote: Remote, route: Route) -> Callable[[bool], None]:
@@ -344,8 +421,8 @@ class Network:
 
         def catch_up() -> None:
             found, flow = self._link.last(remote, route), self._flows.get((remote.number, route.name))
-            if found is not None and flow is not None and max(flow.newest, time.time_ns() - LONGEST_NS) < found.time:
-                flow.put(found.payload, found.time)
+            if found is not None and flow is not None:
+                flow.put(found.payload, found.time, time.time_ns() - LONGEST_NS)
 
         self._link.follow(remote, route, is_followed=is_followed)
         if is_followed:
@@ -362,7 +439,8 @@ class Network:
             question.close()
 
         def answer(question: Question) -> None:
-            self._aside.do(lambda: tell(question))
+            if not self._answers.do(lambda: tell(question)):
+                question.close()
 
         return answer
 
@@ -391,6 +469,6 @@ class Network:
 _TYPES: Final = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
 
 
-def _taken(namespace: str) -> str:
+def _taken(namespace: str, zid: str) -> str:
     name = f"of the namespace '{namespace}'" if namespace else "without a namespace"
-    return f"another program publishes topics {name} on this network: {NAMESPACES}"
+    return f"another program publishes topics {name} on this network, in the session {zid}: {NAMESPACES}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -23,18 +24,26 @@ _DOMAINS: Final = 233
 class Flow:
     """A topic of a vehicle on the network."""
 
-    __slots__ = ("gid", "newest", "publisher", "sequence")
+    __slots__ = ("_lock", "gid", "newest", "publisher", "sequence")
 
     def __init__(self, publisher: Publisher, gid: bytes) -> None:
         self.publisher, self.gid = publisher, gid
         self.sequence = self.newest = 0
+        self._lock = threading.Lock()
+        """Two threads publish: numbers that went back would tell of two vehicles."""
 
-    def put(self, payload: bytes, arrived: int) -> None:
-        """Publish a sample that has arrived at a time in ns. What cannot be published is missing in the sequence."""
-        self.sequence += 1
-        self.newest = arrived
-        with suppress(LinkError):
-            self.publisher.put(payload, Attachment(self.sequence, arrived, self.gid).pack())
+    def put(self, payload: bytes, arrived: int, after: int = -1) -> None:
+        """Publish a sample that has arrived at a time in ns. What cannot be published is missing in the sequence.
+
+        With `after`, it is left out if it has not arrived after that time and the newest sample.
+        """
+        with self._lock:
+            if after >= 0 and arrived <= max(after, self.newest):
+                return
+            self.sequence += 1
+            self.newest = arrived
+            with suppress(LinkError):
+                self.publisher.put(payload, Attachment(self.sequence, arrived, self.gid).pack())
 
 
 class Topic(NamedTuple):
@@ -54,7 +63,9 @@ class OnNetwork:
         self.topics: Mapping[str, Topic] = {}
         """By the names of their routes."""
         self.known: set[str] = set()
-        """The names of all its routes, also of those without a definition."""
+        """The names of all its routes whose types are found or looked for, also of those without a definition."""
+        self.looked_at = 0.0
+        """When its types were looked for, of the monotonic clock."""
         self.declared: list[Declared] = []
         self.beat: Flow | None = None
 

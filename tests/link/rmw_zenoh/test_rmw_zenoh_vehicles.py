@@ -485,3 +485,52 @@ def test_two_carriers_of_one_namespace_get_no_message_meant_for_the_other(space:
         space.vehicles.token(text, space.now, is_alive=True)
     with pytest.raises(LinkError, match="2 vehicles read /uav_1/fmu/in/vehicle_command"):
         space.vehicles.key_to(space.remote, space.all(Opened)[0].route, space.now)
+
+
+def test_nothing_is_sent_while_two_processes_carry_a_vehicle_of_one_name(space: Space) -> None:
+    """PX4's defaults, no namespace and the key 1, are enough: both would do one command."""
+    first = Carrier(space)
+    first.beat()
+    command = space.all(Opened)[0].route
+    assert space.vehicles.key_to(space.remote, command, space.now) == str(READ)
+    second = Carrier(space, "0b" * 16)
+    for _ in range(2):
+        first.beat()  # also before the first beat of the second one
+        with pytest.raises(LinkError, match=r"two vehicles with the key 7 .*'uav_1'.* start -n uav_1`"):
+            space.vehicles.key_to(space.remote, command, space.now)
+        space.now += CARRIED_STILL_NS
+        second.beat()
+    space.now += CARRIED_STILL_NS + 1  # the first one hangs, or was killed
+    second.beat()
+    assert space.vehicles.key_to(space.remote, command, space.now) == str(READ)
+    first.beat()
+    with pytest.raises(LinkError, match="two vehicles"):
+        space.vehicles.key_to(space.remote, command, space.now)
+    for text in first.tokens:
+        space.vehicles.token(text, space.now, is_alive=False)
+    second.beat()
+    assert space.vehicles.key_to(space.remote, command, space.now) == str(READ)
+
+
+def test_nothing_is_sent_to_two_vehicles_of_one_guid(space: Space) -> None:
+    for zid in (ZID, "0b" * 16):
+        space.token(COMMAND, zid=zid)
+        space.token(STATUS, zid=zid)
+    command = space.all(Opened)[0].route
+    assert space.vehicles.key_to(space.remote, command, space.now) == str(COMMAND)  # one has left its tokens behind
+    for sequence in range(100, 110):
+        space.sample(sequence=sequence)
+        space.sample(sequence=sequence - 90)
+    with pytest.raises(LinkError, match=rf"guid {GUID.hex()}.*PX4_UXRCE_DDS_NS"):
+        space.vehicles.key_to(space.remote, command, space.now)
+
+
+def test_twins_that_are_carried_are_named_with_their_cure(space: Space) -> None:
+    carriers = Carrier(space), Carrier(space, "0b" * 16)
+    for sequence in range(1, 11):
+        carriers[0].sample(sequence + 100)
+        carriers[1].sample(sequence)
+    (warned,) = space.all(Warned)
+    assert "the key 7" in warned.text
+    assert "guid" not in warned.text
+    assert "`uxrce_dds_client start -n uav_1`" in warned.text
