@@ -26,8 +26,11 @@ LONGEST_S: Final = 0.5
 LONGEST_NS: Final = round(LONGEST_S * 1e9)
 LATE: Final = f"waited for more than {LONGEST_S:g} s: dropped"
 LATE_OR_BEHIND: Final = f"{LATE}, or the clock of the computer that published it is behind"
+AHEAD: Final = f"the clock of the computer that published it is more than {LONGEST_S:g} s ahead of this one: dropped"
 NEVER: Final = (1 << 63) - 1
 """The time until which something may be sent that does not expire."""
+_SURE_NS: Final = 1_000_000_000
+"""How long no time may agree with those before until they count as wrong."""
 _DRIFT: Final = 2e-4
 """By how much of the elapsed time two clocks may drift apart. Quartz clocks do by less than 1e-4."""
 
@@ -63,11 +66,16 @@ class OtherClock:
 
     A time that arrives was told some time ago, so what is computed from it is late by the shortest delay so far, and
     never early: nothing is taken for younger than it is.
+
+    A time that differs by more than `LONGEST_S` was told by somebody else, or was held up: it counts only if none
+    agrees for a second after the first such one.
     """
 
     def __init__(self) -> None:
         self._offset: int | None = None
         self._heard = 0
+        self._odd: int | None = None
+        """Since when times do not agree with those before."""
 
     def hear(self, theirs: int, name: str) -> None:
         """Take the time that the other clock has just told, and its name."""
@@ -75,10 +83,15 @@ class OtherClock:
         if name and name == clock_name():
             self._offset = 0
             return
-        drift = int((own - self._heard) * _DRIFT)
         offset = theirs - own
-        self._offset = offset if self._offset is None else max(offset, self._offset - drift)
-        self._heard = own
+        known = offset if self._offset is None else self._offset - int((own - self._heard) * _DRIFT)
+        if abs(offset - known) <= LONGEST_NS:
+            known, self._odd = max(offset, known), None
+        elif self._odd is None:
+            self._odd = own
+        elif own - self._odd > _SURE_NS:
+            known, self._odd = offset, None
+        self._offset, self._heard = known, own
 
     def of(self, own: int) -> int:
         """Return the time of the other clock at a time of the own one; NEVER stays what it is."""

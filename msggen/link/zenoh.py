@@ -7,6 +7,7 @@ tells what it means.
 from __future__ import annotations
 
 import os
+import struct
 import threading
 import time
 from collections import Counter
@@ -108,7 +109,11 @@ class ZenohLink(Link):
         with self._lock:
             self._sequences[key] += 1
             published = self._time_for(remote, (until if until > 0 else expiry()) - LONGEST_NS)
-            attachment = Attachment(self._sequences[key], published, self._gid).pack()
+            told = Attachment(self._sequences[key], published, self._gid)
+        try:
+            attachment = told.pack()
+        except struct.error:
+            raise LinkError("the clock of the process that carries the vehicle is not known") from None
         session.put(key, payload, attachment)
         with self._lock:
             self._sent += 1
@@ -119,9 +124,9 @@ class ZenohLink(Link):
         return self._vehicles.key_to(remote, route, time.monotonic_ns())
 
     def _time_for(self, remote: Remote, published: int) -> int:
-        """Return what to tell of the time at which something was published, of `age.now`, in ns since 1970.
+        """Return what to tell of the time at which something was published, of `age.now`: in ns since 1970.
 
-        It is of the clock of the process that carries the vehicle, if one does, and never too late.
+        If a process carries the vehicle, it is the time of `age.now` there, and never too late.
         """
         vehicle = self._vehicles.carried(remote)
         clock = vehicle.clock if vehicle is not None else None

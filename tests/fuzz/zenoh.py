@@ -11,6 +11,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Any, NamedTuple
 
+from msggen.link import age
 from msggen.link.link import Connected, Disconnected, Event, Lost, Opened, Sample
 from msggen.link.rmw_zenoh.names import Attachment, Token, beat_of, gid_of
 from msggen.link.rmw_zenoh.vehicles import Vehicles
@@ -74,6 +75,8 @@ def check(case: Case) -> None:
         vehicles.sample(str(STATUS), OWN + chance.randbytes(chance.randrange(40)), attachment, now, now)
         assert [each.payload for each in told.samples] == [OWN], "a sample of the vehicle has not arrived"
         vehicles.beat(beat_of(ZID, 0, "uav_1"), attachment, now)
+        clocks = [each.clock.of(age.now()) for each in vehicles._vehicles.values() if each.clock is not None]
+        assert all(time < 1 << 62 for time in clocks), "a clock that no message can tell"
         attachment = Attachment(number, now, gid_of(CARRIED)).pack()
         vehicles.sample(str(CARRIED_STATUS), OWN, attachment, now, now)
         assert [each.payload for each in told.samples[1:]] == [OWN], "a sample of the carried vehicle has not arrived"

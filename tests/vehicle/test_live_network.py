@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
 from collections import Counter
@@ -135,6 +137,21 @@ def test_what_cannot_be_sent_raises(px4_types: Any) -> None:
             vehicle.publish(px4_types.OffboardControlMode())
 
 
+@pytest.mark.parametrize(("end", "code"), [("", 0), ("raise SystemExit(3)", 3)])
+def test_a_program_that_does_not_close_its_vehicle_ends(px4_types: Any, end: str, code: int) -> None:
+    with networked(px4_types) as space:
+        program = f"""
+from msggen.generate.cache import package_of
+from msggen.live import Vehicle
+vehicle = Vehicle({space.url!r}, package_of("v1.18"), direct=True)
+vehicle.wait_connected(20.0)
+vehicle.subscribe("vehicle_attitude").wait_for(lambda _: True, 20.0)
+{end}
+"""
+        done = subprocess.run([sys.executable, "-c", program], timeout=60.0, check=False, capture_output=True)
+    assert (done.returncode, done.stderr) == (code, b"")
+
+
 def test_a_router_that_was_killed_and_is_back_has_the_vehicle_again(px4_types: Any) -> None:
     port = free_port()
     with session(port, "router") as router, networked(px4_types, port=port) as space:
@@ -195,10 +212,10 @@ def test_what_is_late_or_no_sample_does_not_reach_the_vehicle(px4_types: Any) ->
         put(message.encode()[:-1])
         put(b"\0\7\0\0" + bytes(3))
         until(lambda: refused["/fmu/in/offboard_control_mode"] == 4)
-        ahead = OTHER
-        put(message.encode(), age=-100.0, gid=ahead)  # its clock is ahead, but it has not waited
-        put(message.encode(), age=-99.0, gid=ahead)  # waited for 1 s more
-        until(lambda: refused["/fmu/in/offboard_control_mode"] == 5)
+        put(message.encode(), age=-100.0, gid=OTHER)  # its clock is ahead, which tells nothing
+        put(message.encode(), age=-99.0, gid=OTHER)
+        put(b"x", age=-1e9)  # forged
+        until(lambda: refused["/fmu/in/offboard_control_mode"] == 7)
         received = space.simulator.vehicles[0].received
 
         def arrives() -> bool:

@@ -41,6 +41,7 @@ _CARRIER: Final = re.compile("msggen_(0|[1-9][0-9]{0,9})")
 _QOS: Final = re.compile(
     rf"([0-3]?):([0-3]?):([0-3]?),({_NUMBER}|):{':'.join([r'[0-9]*,[0-9]*'] * 2)}:[0-9]*,[0-9]*,[0-9]*"
 )
+_YEAR_2001: Final = 10**18
 _ATTACHMENT: Final = struct.Struct("<qqB16s")
 
 
@@ -113,7 +114,7 @@ class Attachment(NamedTuple):
     sequence: int
     """Counts the samples of a publisher, from 1."""
     time: int
-    """When it was sent: PX4 tells us since boot, all others ns since 1970."""
+    """When it was sent, in ns since 1970. PX4 tells us since boot, and msggen `age.now` of who carries a vehicle."""
     gid: bytes
     """Identifies the publisher. PX4 has one for all topics: its guid."""
 
@@ -136,7 +137,7 @@ def key_of_carried(node: str) -> int | None:
 def beat_of(zid: str, domain: int, namespace: str) -> str:
     """Return the key on which the program of a session tells all the time that it carries a vehicle.
 
-    No wildcard of other programs matches it, because of its `@`.
+    `**` of other programs does not match it, because of its `@`.
     """
     place = f"%{namespace}".replace("/", "%")
     return f"{BEATS}{zid}/{domain}/{place}"
@@ -187,6 +188,11 @@ def parse_attachment(data: bytes | None) -> Attachment | None:
         return None
     sequence, time, size, gid = _ATTACHMENT.unpack(data)
     return Attachment(sequence, time, gid) if size == GID_SIZE and sequence >= 0 and time >= 0 else None
+
+
+def is_since_1970(time: int) -> bool:
+    """Whether a time in ns can be one since 1970: all others tell times since boot, of less than 31 years."""
+    return time >= _YEAR_2001
 
 
 @lru_cache(maxsize=4096)

@@ -4,6 +4,8 @@ Import this module only if eclipse-zenoh is installed. Facts about it that shape
 
 - The error of a session that cannot be opened is a text, which ends with the number of the system's error.
 - A client connects again by itself when its router is back, and declares all that it had declared.
+- It calls each function in a Python thread of its own, which is a daemon if the thread that declared it is one. Python
+  waits for all others at its end, before anything is closed there.
 - Multicast scouting would tell the network of this program. It is always off, also if a configuration has it.
 """
 
@@ -13,6 +15,7 @@ import errno
 import json
 import os
 import re
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, Final, TypeAlias
@@ -140,11 +143,16 @@ class Session:
         def token(sample: Any) -> None:
             on_token(str(sample.key_expr), sample.kind == alive)
 
+        made: list[Any] = []
+
+        def declare() -> None:
+            made.append(self._session.liveliness().declare_subscriber(TOKENS, token, history=True))
+
         with _errors("subscribe to tokens"):
-            made = self._session.liveliness().declare_subscriber(TOKENS, token, history=True)
+            _by_daemon(declare)
         for each in self._declared:  # not before: no token goes unseen
             Declared(each).withdraw()
-        self._declared = [made]
+        self._declared = made
 
     def declare(self, token: str) -> Declared:
         """Declare a token. It is there until it is withdrawn. Raises LinkError."""
@@ -249,6 +257,23 @@ def reason_of(error: Exception) -> str:
     text = re.sub(r"expected struct \w+", "expected an object", found[1] if found else text)
     text = text.replace("unit value", "null")
     return text[:1].lower() + text[1:]
+
+
+def _by_daemon(declare: Callable[[], None]) -> None:
+    """Declare what calls a function in a daemon thread, so that Python does not wait for that of the function."""
+    caught: list[zenoh.ZError] = []
+
+    def run() -> None:
+        try:
+            declare()
+        except zenoh.ZError as error:
+            caught.append(error)
+
+    thread = threading.Thread(target=run, name="msggen-zenoh-declare", daemon=True)
+    thread.start()
+    thread.join()
+    if caught:
+        raise caught[0]
 
 
 @contextmanager

@@ -34,6 +34,7 @@ from msggen.link.rmw_zenoh.names import (
     Key,
     Token,
     gid_of,
+    is_since_1970,
     key_of_carried,
     parse_attachment,
     parse_key,
@@ -154,7 +155,7 @@ class Vehicles:
         """Take what a process tells all the time that carries a vehicle."""
         told = parse_attachment(attachment)
         vehicle = self._beats.get(key)
-        if told is None or vehicle is None:
+        if told is None or vehicle is None or is_since_1970(told.time):
             self.refused["beats that are not of the form"] += 1
             return
         vehicle.heard = vehicle.alive[key] = now

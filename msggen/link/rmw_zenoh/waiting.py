@@ -1,41 +1,74 @@
 """For how long what arrives from the network has waited on its way: its attachment tells when it was published.
 
-The clocks of two computers differ. One that is behind makes samples look late, which is safe. One that is ahead would
-hide that they are, so the shortest way of a publisher in the last minute counts as no way at all.
+Programs of msggen tell times of `age.now` of this computer, which they know from beats. Nobody sets that clock. All
+others tell ns since 1970, by their own clocks:
+
+- one that is behind makes samples look late, which is safe
+- one that is ahead would hide that they are: what is published more than 0.5 s after it has arrived is refused
+- below that, the shortest ways of a publisher in the last minute count as no way at all
+
+One forged sample changes nothing for a publisher: several of its ways have to be as short.
 """
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
+from msggen.link.age import LONGEST_NS
+from msggen.link.rmw_zenoh.names import is_since_1970
+
+Publisher: TypeAlias = tuple[str, bytes]
+"""The name of a topic, and the gid of who publishes it."""
 _PERIOD_NS: Final = 30_000_000_000
 """Shortest ways are forgotten after this time, and at the latest after twice of it: a clock may be set."""
 _MOST: Final = 1000
+_AGREEING: Final = 5
+"""How many ways have to be short until all count from them."""
+_STEP_NS: Final = 100_000_000
+"""The change of this computer's clock above which it was set."""
 
 
 class _Ways(NamedTuple):
-    """The shortest ways of a publisher in ns, by our clock: of this period and the one before."""
+    """The shortest ways of a publisher in ns, by our clock: of this period and the one before, in order."""
 
     since: int
-    current: int
-    before: int
+    current: tuple[int, ...] = ()
+    before: tuple[int, ...] = ()
 
 
 class Waiting:
     """The ways of the publishers on a network."""
 
     def __init__(self) -> None:
-        self._ways: dict[bytes, _Ways] = {}
+        self._ways: dict[Publisher, _Ways] = {}
+        self._offset = 0
+        """Of the clock of this computer to `age.now`."""
 
-    def of(self, gid: bytes, published: int, arrived: int) -> int:
-        """Return the time in ns that a sample of a publisher has waited. Both times are in ns since 1970."""
-        way = arrived - published
-        found = self._ways.get(gid)
-        if found is None:
-            if len(self._ways) >= _MOST:
-                self._ways.clear()
-            found = _Ways(arrived, way, way)
-        elif not 0 <= arrived - found.since < _PERIOD_NS:
-            found = _Ways(arrived, way, found.current)
-        self._ways[gid] = found = found._replace(current=min(found.current, way))
-        return way - min(0, found.current, found.before)
+    def of(self, publisher: Publisher, published: int, arrived: int, now: int) -> int | None:
+        """Return the time in ns that a sample of a publisher has waited, None if its clock is ahead.
+
+        `arrived` is when it has arrived, in ns since 1970, and `now` the same by `age.now`.
+        """
+        if abs(arrived - now - self._offset) > _STEP_NS:
+            self._ways.clear()  # they tell nothing any more
+        self._offset = arrived - now
+        way = (arrived if is_since_1970(published) else now) - published
+        shortest = self._shortest(publisher, way, now)
+        return None if min(way, shortest) < -LONGEST_NS else max(0, way - shortest)
+
+    def _shortest(self, publisher: Publisher, way: int, now: int) -> int:
+        """Take a way. Return what counts as no way, which is 0 or less: 0 until it is known."""
+        found = self._ways.get(publisher, _Ways(now))
+        if now - found.since >= _PERIOD_NS:
+            found = _Ways(now, (), found.current)
+        found = found._replace(current=tuple(sorted((*found.current, way))[:_AGREEING]))
+        if publisher in self._ways or self._has_place(now):
+            self._ways[publisher] = found
+        both = sorted(found.current + found.before)
+        return min(0, both[_AGREEING - 1]) if len(both) >= _AGREEING else 0
+
+    def _has_place(self, now: int) -> bool:
+        """Whether another publisher can be remembered. Forged ones do not drive out the others."""
+        if len(self._ways) >= _MOST:
+            self._ways = {each: ways for each, ways in self._ways.items() if now - ways.since < 2 * _PERIOD_NS}
+        return len(self._ways) < _MOST

@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 from msggen.link.address import Address
-from msggen.link.age import LATE_OR_BEHIND, LONGEST_NS, expiry
+from msggen.link.age import AHEAD, LATE_OR_BEHIND, LONGEST_NS, expiry, now
 from msggen.link.aside import Aside
 from msggen.link.link import Link, LinkError, Remote, Route, Service
 from msggen.link.rmw_zenoh.connection import Connection
@@ -183,7 +183,7 @@ class Network:
             self._queue.put(note)
 
     def _take_sample(self, vehicle: OnNetwork, topic: Topic, _: str, payload: bytes, attachment: bytes | None) -> None:
-        arrived, until = time.time_ns(), expiry()
+        until, arrived = expiry(), time.time_ns()  # in this order: what stops between them makes it late
         if self._samples.qsize() >= _MOST:
             self.refusals.add(topic.key.name, f"more than {_MOST} samples wait")
             return
@@ -199,13 +199,13 @@ class Network:
             beat = 0.0
             while not self._is_closing:
                 self._do_next()
-                if (now := time.monotonic()) - beat >= _BEAT_S:
-                    beat = now
+                if (moment := time.monotonic()) - beat >= _BEAT_S:
+                    beat = moment
                     self._beat()
                     self._connection.look()
                     self._tell_role()
-                    self._settle(now)
-                    self._look_again(now)
+                    self._settle(moment)
+                    self._look_again(moment)
         except LinkError as error:
             if not self._is_closing:
                 LOGGER.error("the network has ended: %s", error)
@@ -220,7 +220,7 @@ class Network:
     def _beat(self) -> None:
         for vehicle in self._vehicles.values():
             if vehicle.beat is not None and vehicle.beat.publisher.is_heard:
-                vehicle.beat.put(b"", time.time_ns())
+                vehicle.beat.put(b"", now())
 
     def _do_next(self) -> None:
         """Wait for something to do, and send the samples that wait."""
@@ -455,12 +455,12 @@ class Network:
         if told is None:
             self.refusals.add(name, "it has no attachment of rmw_zenoh, which tells how old it is")
             return
-        waited = self._waiting.of(told.gid, told.time, arrived)
-        if waited > LONGEST_NS:
-            self.refusals.add(name, LATE_OR_BEHIND)
-            return
         try:
             data = topic.message.decode(payload).encode()
+            waited = self._waiting.of((name, told.gid), told.time, arrived, until - LONGEST_NS)
+            if waited is None or waited > LONGEST_NS:
+                self.refusals.add(name, AHEAD if waited is None else LATE_OR_BEHIND)
+                return
             self._link.publish(vehicle.entry.remote, topic.route, data, until - waited)
         except (LinkError, ValueError) as error:
             self.refusals.add(name, error)

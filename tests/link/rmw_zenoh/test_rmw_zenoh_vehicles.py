@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from msggen.link import age
 from msggen.link.link import (
     Connected,
     Disconnected,
@@ -466,6 +467,34 @@ def test_nothing_is_sent_to_a_carried_vehicle_without_a_beat(space: Space) -> No
     assert space.all(Disconnected)
     carrier.beat()
     assert len(space.all(Connected)) == 2
+
+
+@pytest.mark.parametrize("told", [10**18, 2**63 - 1])
+def test_a_beat_with_a_time_that_none_can_have_is_none(space: Space, told: int) -> None:
+    carrier = Carrier(space)
+    carrier.beat(told)
+    vehicle = space.vehicles.carried(space.remote)
+    assert vehicle is not None
+    assert vehicle.clock is None
+    assert space.vehicles.refused == {"beats that are not of the form": 1}
+
+
+def test_a_forged_beat_counts_for_a_second_at_most(space: Space, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it is the first one or a later one, ahead or replayed."""
+    own, theirs = 10**13, 7 * 10**13
+    monkeypatch.setattr(age, "now", lambda: own)
+    carrier = Carrier(space)
+    carrier.beat(theirs + 10**17)
+    for number in range(100):
+        own, theirs = own + 10**8, theirs + 10**8
+        carrier.beat(theirs)
+        if number % 10 == 5:
+            carrier.beat(theirs + number * 10**15)
+            carrier.beat(theirs - 10**12)
+        vehicle = space.vehicles.carried(space.remote)
+        assert vehicle is not None
+        assert vehicle.clock is not None
+        assert number < 12 or vehicle.clock.of(own) == theirs
 
 
 def test_samples_and_beats_of_others_are_not_those_of_a_carried_vehicle(space: Space) -> None:

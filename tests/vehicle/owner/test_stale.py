@@ -319,6 +319,23 @@ def test_another_clock_is_never_taken_for_later_than_it_is(monkeypatch: pytest.M
     assert clock.of(age.NEVER) == age.NEVER
 
 
+def test_a_time_that_differs_from_those_of_another_clock_counts_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, own = OtherClock(), 0
+    monkeypatch.setattr(age, "now", lambda: own)
+    clock.hear(5_000_000_000, "")
+    for wrong in (1 << 62, 0):
+        clock.hear(own + wrong, "")
+        assert clock.of(own) == own + 5_000_000_000
+    own = 3_000_000_000
+    clock.hear(own, "")  # held up while nothing else arrived
+    clock.hear(own + 5_000_000_000, "")
+    assert clock.of(own) == own + 5_000_000_000
+    clock.hear(own + (1 << 40), "")
+    own += 1_000_000_001
+    clock.hear(own + (1 << 40), "")  # none has agreed for a second
+    assert clock.of(own) == own + (1 << 40)
+
+
 def test_a_direct_link_drops_what_waited_in_its_own_process(
     px4_types: Any, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
