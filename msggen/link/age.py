@@ -30,7 +30,7 @@ AHEAD: Final = f"the clock of the computer that published it is more than {LONGE
 NEVER: Final = (1 << 63) - 1
 """The time until which something may be sent that does not expire."""
 _SURE_NS: Final = 1_000_000_000
-"""How long a time that agrees with the ones before makes others wrong."""
+"""How long no time may agree with those before until they count as wrong."""
 _DRIFT: Final = 2e-4
 """By how much of the elapsed time two clocks may drift apart. Quartz clocks do by less than 1e-4."""
 
@@ -67,13 +67,15 @@ class OtherClock:
     A time that arrives was told some time ago, so what is computed from it is late by the shortest delay so far, and
     never early: nothing is taken for younger than it is.
 
-    A time that differs by more than `LONGEST_S` was told by somebody else, or was held up, and counts only if none has
-    agreed for a second.
+    A time that differs by more than `LONGEST_S` was told by somebody else, or was held up: it counts only if none
+    agrees for a second after the first such one.
     """
 
     def __init__(self) -> None:
         self._offset: int | None = None
-        self._heard = self._agreed = 0
+        self._heard = 0
+        self._odd: int | None = None
+        """Since when times do not agree with those before."""
 
     def hear(self, theirs: int, name: str) -> None:
         """Take the time that the other clock has just told, and its name."""
@@ -84,9 +86,11 @@ class OtherClock:
         offset = theirs - own
         known = offset if self._offset is None else self._offset - int((own - self._heard) * _DRIFT)
         if abs(offset - known) <= LONGEST_NS:
-            known, self._agreed = max(offset, known), own
-        elif own - self._agreed > _SURE_NS:
-            known, self._agreed = offset, own
+            known, self._odd = max(offset, known), None
+        elif self._odd is None:
+            self._odd = own
+        elif own - self._odd > _SURE_NS:
+            known, self._odd = offset, None
         self._offset, self._heard = known, own
 
     def of(self, own: int) -> int:

@@ -24,8 +24,6 @@ _PERIOD_NS: Final = 30_000_000_000
 _MOST: Final = 1000
 _AGREEING: Final = 5
 """How many ways have to be short until all count from them."""
-
-
 _STEP_NS: Final = 100_000_000
 """The change of this computer's clock above which it was set."""
 
@@ -52,7 +50,7 @@ class Waiting:
         `arrived` is when it has arrived, in ns since 1970, and `now` the same by `age.now`.
         """
         if abs(arrived - now - self._offset) > _STEP_NS:
-            self._ways.clear()
+            self._ways.clear()  # they tell nothing any more
         self._offset = arrived - now
         way = (arrived if is_since_1970(published) else now) - published
         shortest = self._shortest(publisher, way, now)
