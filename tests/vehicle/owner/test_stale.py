@@ -326,6 +326,7 @@ def test_a_time_that_differs_from_those_of_another_clock_counts_after_a_second(m
     for wrong in (1 << 62, 0):
         clock.hear(own + wrong, "")
         assert clock.of(own) == own + 5_000_000_000
+    clock.hear(5_000_000_000, "")
     own = 3_000_000_000
     clock.hear(own, "")  # held up while nothing else arrived
     clock.hear(own + 5_000_000_000, "")
