@@ -176,8 +176,8 @@ async def moved(flight: Flight, vehicle: Flown) -> None:
     here = vehicle.world.place
     await flight.goto(latitude=here.latitude + 0.000063, longitude=here.longitude)
     await flight.land()
+    await flight.set_mode(selected)  # in others, home follows the vehicle while it is disarmed
     await flight.wait_disarmed()
-    await flight.set_mode(selected)
     await flight.arm()
     await flight.disarm()
 
