@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from inspect import isfunction
 from itertools import compress
+from logging import NOTSET, getLogger
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -27,6 +28,7 @@ from msggen.base.disk import files
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
+from msggen.vehicle.hub import OTHERS
 from msggen.vehicle.owned.places import CAN_SHARE
 from support.children import adopt_orphans, ended
 from support.examples import ALL_EXAMPLES
@@ -181,6 +183,16 @@ def programs_of_the_test() -> Iterator[None]:
     """End the processes that a test has left."""
     with ended():
         yield
+
+
+@pytest.fixture(autouse=True)
+def what_loggers_tell() -> Iterator[None]:
+    """Let the loggers of vehicles tell again what a command has silenced that a test ran in this process."""
+    yield
+    for name in ("msggen.live", OTHERS):
+        logger = getLogger(name)
+        logger.disabled, logger.propagate = False, True
+        logger.setLevel(NOTSET)
 
 
 @pytest.fixture(scope="session", autouse=True)
