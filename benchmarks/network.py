@@ -9,7 +9,6 @@ that of a process, with its part of the kernel.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import os
@@ -17,7 +16,6 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -28,7 +26,7 @@ from environment import HERE, ROOT
 from link import line, send, sender
 from link_sender import Load
 from msggen.vehicle.owned.owners import running
-from shared_link import Taken, cpu_of, expect, program, tell
+from shared_link import Taken, cpu_of, expect, program, show, tell
 from tables import Table
 
 WAYS_HEAD = [
@@ -232,17 +230,5 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
     yield Table("Three routers in a row: vehicles at the first, a program at the third", SIZES_HEAD, rows)
 
 
-def main() -> None:
-    """Measure and print the tables, as Markdown if the output is not a terminal."""
-    parser = argparse.ArgumentParser(description="Measure the ways to a vehicle, and a network of routers.")
-    parser.add_argument("--quick", action="store_true", help="less than a second for each measurement")
-    options = parser.parse_args()
-    os.environ.pop("MSGGEN_DIRECT", None)
-    with tempfile.TemporaryDirectory(prefix="run-") as runtime, tempfile.TemporaryDirectory() as state:
-        os.environ.update(MSGGEN_RUNTIME=runtime, XDG_STATE_HOME=state)
-        for table in tables(0.5 if options.quick else 8, is_quick=options.quick):
-            table.print()
-
-
 if __name__ == "__main__":
-    main()
+    show("Measure the ways to a vehicle, and a network of routers.", tables)

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -142,18 +142,18 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
     yield Table("UDP, one vehicle, and programs that share the link", HEAD, rows)
 
 
-def main() -> None:
-    """Measure and print the table, as Markdown if the output is not a terminal."""
-    parser = argparse.ArgumentParser(description="Measure a link that programs share.")
+def show(description: str, made: Callable[..., Iterator[Table]]) -> None:
+    """Measure and print tables, as Markdown if the output is not a terminal, with links of this program alone."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--quick", action="store_true", help="less than a second for each measurement")
     options = parser.parse_args()
     os.environ.pop("MSGGEN_DIRECT", None)
     with tempfile.TemporaryDirectory(prefix="run-") as runtime, tempfile.TemporaryDirectory() as state:
         os.environ.update(MSGGEN_RUNTIME=runtime, XDG_STATE_HOME=state)
-        for table in tables(0.5 if options.quick else 8, is_quick=options.quick):
+        for table in made(0.5 if options.quick else 8, is_quick=options.quick):
             table.print()
         time.sleep(0.2)
 
 
 if __name__ == "__main__":
-    main()
+    show("Measure a link that programs share.", tables)
