@@ -113,7 +113,8 @@ class Entries(dict[int, Entry]):
             if not entry.is_started:
                 entry.is_started = True
                 entry.check.add(filter(_is_asked_for, entry.routes.values()), entry.remote.namespace)
-            entry.check.ask()
+            if not entry.is_on_zenoh:  # where the link tells when all is known
+                entry.check.ask()
             entry.ticked_ns, entry.due_ns = now, now + RETRY_NS
             if not entry.check.is_complete:
                 entry.is_checked = False

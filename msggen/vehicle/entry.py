@@ -110,9 +110,13 @@ class Entry:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
+        """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it.
+
+        Over Zenoh, samples come between the routes, and the link tells when it has all of them.
+        """
+        is_heard = bool(self.heard_ns) and not self.is_on_zenoh
         is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
-        return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
+        return bool(is_heard or self.services or self.check.is_complete or is_settled)
 
     @property
     def is_on_zenoh(self) -> bool:

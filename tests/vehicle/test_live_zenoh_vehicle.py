@@ -19,6 +19,7 @@ from msggen.sim import Options, Simulator
 from msggen.sources.finding import find_sources
 from msggen.vehicle.command import send_command
 from support.commands import run
+from support.fake_link import FakeLink, routes_of
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -173,3 +174,19 @@ def test_a_wrong_router_is_named(arguments: list[str], error: str) -> None:
     shown = run(["sim", *arguments])
     assert shown.code == 2
     assert error in shown.stderr
+
+
+def test_a_vehicle_is_connected_when_its_link_has_all_its_tokens(px4_types: Any) -> None:
+    """Tokens come one by one, and a sample of the first topic may come before the token of the last one."""
+    link = FakeLink(px4_types)
+    first, second = (each._replace(type_hash="RIHS01_" + "0" * 64) for each in routes_of(px4_types)[-2:])
+    with Vehicle(link, px4_types, direct=True) as vehicle:
+        remote = link.connect(is_open=False)
+        link.open(remote, first)
+        link.sample(remote, b"\0\1\0\0" + bytes(8), first.name)
+        assert not vehicle.is_connected
+        link.open(remote, second)
+        assert not vehicle.is_connected
+        link.user().identified(remote, {}, True)  # noqa: FBT003 - as a link calls it
+        assert vehicle.is_connected
+        assert {each.name for each in vehicle.routes} == {first.name, second.name}

@@ -64,7 +64,7 @@ CARRIED_STILL_NS: Final = 2_000_000_000
 """The same for a vehicle that is carried: the process that carries it refuses what has waited, by its time."""
 GRACE_NS: Final = 1_000_000_000
 """How long the tokens of a vehicle may come after its first sample."""
-QUIET_NS: Final = 100_000_000
+QUIET_NS: Final = 300_000_000
 """The time without a further token of a vehicle after which all that it has is known: they come one by one."""
 EVERYTHING: Final = "**/fmu/out/**"
 """What is subscribed to while no vehicle has tokens: a firmware without them is known by its samples."""
@@ -142,7 +142,10 @@ class Vehicles:
         remote = vehicle.remote
         if remote is None:
             return
-        route = vehicle.by_key.get(key) or self._open(vehicle, parsed)
+        route = vehicle.by_key.get(key)
+        if route is None:
+            vehicle.told = now
+            route = self._open(vehicle, parsed)
         if route is None:
             self.refused["samples of another definition than that of the topic"] += 1
             return
@@ -167,8 +170,9 @@ class Vehicles:
     def tick(self, now: int) -> None:
         """Disconnect the vehicles that have been silent for too long, and tell of which ones all topics are known."""
         for vehicle in tuple(self._vehicles.values()):
-            if vehicle.remote is not None and vehicle.sessions and not vehicle.is_complete:
-                vehicle.is_complete = vehicle.is_heard and now - vehicle.told > QUIET_NS
+            if vehicle.remote is not None and not vehicle.is_complete:
+                patience = QUIET_NS if vehicle.sessions else GRACE_NS
+                vehicle.is_complete = vehicle.is_heard and now - vehicle.told > patience
                 if vehicle.is_complete:
                     self._told(Identified(vehicle.remote, {}, is_complete=True))
             if vehicle.remote is not None and not vehicle.is_heard and now - vehicle.since > CARRIED_STILL_NS:
@@ -401,7 +405,7 @@ class Vehicles:
 
     def _is_known(self, vehicle: Vehicle, now: int) -> bool:
         """Whether a vehicle has tokens, or has had time enough to tell some."""
-        if vehicle.sessions:
+        if vehicle.sessions or vehicle.remote is not None:
             return True
         vehicle.heard = now
         if now - vehicle.since < GRACE_NS:

@@ -264,6 +264,15 @@ def test_a_firmware_without_tokens_has_the_topics_that_it_publishes(space: Space
     assert [type(event) for event in space.events] == [Warned, Connected, Opened, Sample]
     assert "CONFIG_ZENOH_RMW_LIVELINESS=y" in space.all(Warned)[0].text
     assert space.all(Opened)[0].route.name == "/fmu/out/vehicle_status_v4"
+    space.now += GRACE_NS // 2
+    space.sample(STATUS._replace(name="/fmu/out/further"))  # at once: it is known that no tokens come
+    assert len(space.all(Sample)) == 2
+    space.now += GRACE_NS
+    space.vehicles.tick(space.now)
+    assert not space.all(Identified)
+    space.now += 1
+    space.vehicles.tick(space.now)
+    assert space.all(Identified) == [Identified(space.remote, {}, is_complete=True)]
 
 
 def test_a_firmware_without_hashes_is_told(space: Space) -> None:
