@@ -9,24 +9,9 @@ from functools import partial
 from msggen.generate.text.empy import EmpyTemplate, nearest_name
 from msggen.generate.text.words import FILTERS, known_names
 
-_OF_FIRMWARE = frozenset(
-    {
-        "all_topics",
-        "file_base_name",
-        "file_name_in",
-        "genmsg",
-        "msg_context",
-        "msgs",
-        "name_snake_case",
-        "publications",
-        "px_generate_uorb_topic_helper",
-        "search_path",
-        "spec",
-        "subscriptions",
-        "subscriptions_multi",
-        "topics",
-        "type_includes",
-    }
+_OF_FIRMWARE = (
+    "all_topics file_base_name file_name_in genmsg msg_context msgs name_snake_case publications "
+    "px_generate_uorb_topic_helper search_path spec subscriptions subscriptions_multi topics type_includes"
 )
 """The names and modules that the firmware's own templates use."""
 
@@ -57,7 +42,7 @@ class Empy:
 
 def _hint(names: Mapping[str, object], folder: str, error: BaseException) -> str:
     """Return what to do about an exception of a template in `folder` that knows `names`."""
-    if isinstance(error, (NameError, ImportError)) and str(error.name).partition(".")[0] in _OF_FIRMWARE:
+    if isinstance(error, (NameError, ImportError)) and str(error.name).partition(".")[0] in _OF_FIRMWARE.split():
         return ": msggen px4-generate renders templates in the firmware's style"
     if isinstance(error, NameError):
         return nearest_name(error) or known_names(names)
