@@ -10,7 +10,7 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.source_options import settings_of
 from msggen.cli.table import DIM, Column, print_table
-from msggen.sources.settings import SETTINGS, Settings, given_keys
+from msggen.sources.settings import SETTINGS, Settings, given_keys, schema_of_settings
 
 _DEFAULT = "default"
 
@@ -34,7 +34,6 @@ def add_to(commands: Commands) -> None:
 def _settings(options: argparse.Namespace) -> int:
     if options.schema:
         from msggen.show.report.json import dump
-        from msggen.sources.settings_schema import schema_of_settings
 
         print(dump(schema_of_settings()))
         return DONE
