@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import itertools
-import json
 import os
 import shutil
 import sys
@@ -193,19 +192,6 @@ def test_a_damaged_fingerprint_is_ignored(text: str, capsys: pytest.CaptureFixtu
     assert build() == 0
     assert "is up to date" in capsys.readouterr().out
     assert place.read_text() == whole
-
-
-def test_a_record_of_an_earlier_release_is_read() -> None:
-    """Old records also had a fingerprint, a summary and a seal. Their files are recognised, and removed if obsolete."""
-    assert build("-q") == 0
-    record = json.loads((PACKAGE / RECORD).read_text())
-    old = {"fingerprint": "0" * 64, "summary": "3 messages", **record, "seal": "0" * 64}
-    (PACKAGE / RECORD).write_text(json.dumps(old, indent=1))
-    shutil.rmtree(PACKAGE / CACHE)
-    Path("in/Lamp.msg").unlink()
-    write_definitions(Path("in"), {"Fan.msg": f"{STAMP}uint8 speed\n"})
-    assert build("-q") == 0
-    assert without_cache(PACKAGE) == fresh_package()
 
 
 def dies_at(number: int, run: Callable[[], object]) -> bool:
