@@ -12,7 +12,7 @@ from typing import Any
 from mcap.writer import Writer
 
 from msggen.sources.embedded import Releases
-from msggen.sources.released import released_as
+from msggen.sources.released import embedded
 from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
 
 
@@ -50,7 +50,7 @@ def write_log(path: Path, topics: Iterable[Written], **options: Any) -> Path:
 def definition_in(release: str, name: str) -> str:
     """Return the definition of a message in an embedded release as `ros2msg`, with all that it nests."""
     releases = Releases()
-    found = released_as(releases, release, name)
+    found = embedded(release, name)
     assert found is not None
     _, own = releases.file(release, f"{name}.msg")
     inner = [each.name for each in found.catalog.nested_all(found.message)]

@@ -11,9 +11,8 @@ import jinja2
 from jinja2 import meta
 
 from msggen.base.diagnostics import InputError, input_error, suggestion
-from msggen.base.disk.reading import read_text
 from msggen.generate.render import THINGS
-from msggen.generate.text.words import FILTERS, NotTextError, known_names, unknown_name, with_article
+from msggen.generate.text.words import FILTERS, NotTextError, known_names, read_template, unknown_name, with_article
 
 _NOT_DEFINED = " is not defined"
 """The end of a message about an unknown name to which no name is similar."""
@@ -138,12 +137,7 @@ class _Loader(jinja2.FileSystemLoader):
     def read(self, path: str) -> str:
         """Return the text of a file. Raises InputError."""
         self.files[path] = None
-        try:
-            return read_text(path)
-        except UnicodeDecodeError as error:
-            raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
-        except OSError as error:
-            raise input_error(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from None
+        return read_template(path)
 
 
 class _Undefined(jinja2.StrictUndefined):

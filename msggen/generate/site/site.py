@@ -153,11 +153,11 @@ class Site:
 
     def topics_of(self, message: MessageView) -> tuple[EndpointView, ...]:
         """Return the bridged topics that carry `message`."""
-        return tuple(self._topics.get(message, ()))
+        return tuple(endpoint for endpoint in self.endpoints if endpoint.message is message)
 
     def enums_of(self, message: MessageView) -> tuple[Enum, ...]:
         """Return the enums of `message`."""
-        return self._enums.get(message, ())
+        return tuple(enum for enum in self.enums if enum.message is message)
 
     def enum_of(self, value: FieldView) -> Enum | None:
         """Return the enum whose members are the values of a field, or None."""
@@ -264,20 +264,6 @@ class Site:
             for inner in inner_of(message):
                 users.setdefault(inner, []).append(message)
         return users
-
-    @cached_property
-    def _topics(self) -> dict[MessageView, list[EndpointView]]:
-        topics: dict[MessageView, list[EndpointView]] = {}
-        for endpoint in self.endpoints:
-            topics.setdefault(endpoint.message, []).append(endpoint)
-        return topics
-
-    @cached_property
-    def _enums(self) -> dict[MessageView, tuple[Enum, ...]]:
-        found: dict[MessageView, tuple[Enum, ...]] = {}
-        for enum in self.enums:
-            found[enum.message] = (*found.get(enum.message, ()), enum)
-        return found
 
     @cached_property
     def _enum_of_field(self) -> dict[FieldView, Enum]:
