@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from types import ModuleType
 
+from msggen.definitions.model import ArrayKind, FieldType, Message
 from msggen.definitions.primitives import PRIMITIVES
 from msggen.generate.px4.definitions import definitions
 
@@ -146,9 +147,10 @@ class MsgContext:
 
 def load_msg_from_file(msg_context: MsgContext, file_path: str, full_name: str) -> MsgSpec:
     """Return the message `full_name` in a file. Raises InputError."""
-    found = definitions().read(file_path, full_name)
-    fields = [Field(name, type_) for name, type_ in found.fields]
-    spec = MsgSpec(full_name, fields, [Constant(*constant) for constant in found.constants], found.text)
+    message, text = definitions().read(file_path, full_name)
+    fields = [Field(field.name, _type_text(field.type, message)) for field in message.fields]
+    constants = [Constant(str(each.type), each.name, each.value) for each in message.constants]
+    spec = MsgSpec(full_name, fields, constants, text)
     msg_context.registered[full_name] = spec
     return spec
 
@@ -176,3 +178,11 @@ def load_depends(msg_context: MsgContext, spec: MsgSpec, msg_search_path: Mappin
             load_depends(msg_context, msg_context.registered[name], msg_search_path)
     msg_context.depends[spec.full_name] = nested
     return [*nested]
+
+
+def _type_text(type_: FieldType, message: Message) -> str:
+    """Return a type in the spelling that templates expect: a nested message always has its package."""
+    base = type_.name if type_.is_primitive else message.key_of(type_)
+    if type_.array is ArrayKind.SCALAR:
+        return base
+    return f"{base}[{type_.length}]" if type_.array is ArrayKind.FIXED else f"{base}[]"

@@ -43,7 +43,7 @@ def generate_messages(request: Request) -> dict[str, str]:
     template = EmpyTemplate(_find(request.templates, request.kind.value[0]))
     definitions = Definitions()
     read = definitions.read_all(request.files, request.package, _search_path(request))
-    topics = [topic for definition in read for topic in definition.topics]
+    topics = [topic for definition in read for topic in definition.message.topic_names]
     made = {}
     with using(definitions), importing_from(_helper_folder(request.templates), genmsg.modules()):
         for definition in read:
@@ -111,7 +111,7 @@ def _names(definition: Definition, request: Request) -> dict[str, object]:
         "search_path": search_path,
         "msg_context": context,
         "spec": spec,
-        "topics": list(definition.topics),
+        "topics": list(message.topic_names),
     }
 
 

@@ -81,11 +81,6 @@ class Site:
         return tuple(sorted(self.views.catalog.endpoints, key=lambda topic: (topic.direction == "in", topic.ros_name)))
 
     @cached_property
-    def has_zenoh(self) -> bool:
-        """Whether the firmware has a list of topics for Zenoh."""
-        return bool(self.catalog.zenoh)
-
-    @cached_property
     def enums(self) -> tuple[Enum, ...]:
         """The enums of all messages."""
         return tuple(enum for each in self._definitions for enum in enums_of(each, self.views.message(each)))
@@ -94,11 +89,6 @@ class Site:
     def graph(self) -> Graph:
         """The graph of messages that nest others."""
         return draw(self.messages)
-
-    @property
-    def has_changes(self) -> bool:
-        """Whether a previous release is known."""
-        return self.changes is not None
 
     @cached_property
     def guide(self) -> tuple[Page, ...]:
