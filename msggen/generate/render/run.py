@@ -6,20 +6,17 @@ import os
 import posixpath
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from msggen.base.diagnostics import Diagnostic, InputError, input_error, suggestion
 from msggen.base.disk.names import path_hint, too_long
 from msggen.base.disk.reading import read_bytes
 from msggen.base.location import Location
 from msggen.definitions.model import Catalog
-from msggen.generate.render.jinja_template import JinjaTemplate, Pattern
+from msggen.generate.render.templates import Empy, JinjaTemplate, Pattern
 from msggen.generate.render.views import CatalogView, Views
 
-if TYPE_CHECKING:
-    from msggen.generate.render.empy_template import Empy
-
-Template: TypeAlias = "JinjaTemplate | Empy"
+Template: TypeAlias = JinjaTemplate | Empy
 """A template of Jinja2 or EmPy."""
 
 OPTION = "--name"
@@ -56,8 +53,6 @@ def open_template(path: str) -> Template:
     if kind == ".j2":
         return JinjaTemplate(path)
     if kind == ".em":
-        from msggen.generate.render.empy_template import Empy
-
         return Empy(path)
     raise input_error(path, "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", 0)
 
