@@ -148,7 +148,8 @@ def test_a_constant_may_be_not_a_number() -> None:
 def test_an_integer_takes_its_whole_range_and_no_more(name: str) -> None:
     low, high = PRIMITIVES[name].integer_range
     assert [constant.value for constant in read(f"{name} A = {low}\n{name} B = {high}").constants] == [low, high]
-    assert errors_of(f"{name} A = {low - 1}\n{name} B = {high + 1}") == ["M305", "M305"]
+    for lower, higher in ((low - 1, high + 1), (f"-{'9' * 5000}", "9" * 5000)):
+        assert errors_of(f"{name} A = {lower}\n{name} B = {higher}\n{name} c {higher}") == ["M305"] * 3
 
 
 @pytest.mark.parametrize(
@@ -217,7 +218,10 @@ def test_a_field_may_have_any_name_of_the_grammar(name: str) -> None:
     assert only_field(f"uint8 {name}").name == name
 
 
-@pytest.mark.parametrize("name", ["A", "aB", "1a", "_a", "a-b", "ä", "a;", "1A = 1", "_A = 1", "A-B = 1", "Ä = 1"])
+NO_NAMES = ["a/b", "a.b", 'a"b', "a'b", "a\\b", "{{a}}", "a;b", "a;", "a(", "a,b", "a-b", "ä", "1a", "_a", "__a__"]
+
+
+@pytest.mark.parametrize("name", ["A", "aB", "a:int", *NO_NAMES, *(f"{name.upper()} = 1" for name in NO_NAMES)])
 def test_a_field_or_a_constant_may_have_no_other_name(name: str) -> None:
     assert errors_of(f"uint8 {name}") == ["M201"]
 
