@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import io
 import itertools
 import json
 import os
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -28,6 +26,7 @@ from msggen.base.exit_codes import INTERRUPTED
 from msggen.cli import main
 from msggen.generate.python import package as packages
 from support.catalogs import write_definitions
+from support.disk_calls import dies_at
 from support.examples import by_day
 from support.packages import BRIDGE_PLACE, RECORD, age, content, definition
 from support.repository import ROOT, shared
@@ -719,45 +718,12 @@ class Killed(NamedTuple):
     can_swap: bool
 
 
-def changes_disk(function: Any) -> bool:
-    """Whether this built-in function changes files or folders."""
-    owner = getattr(function, "__self__", None)
-    if isinstance(owner, io.IOBase):
-        return function.__name__ in ("write", "writelines", "close", "flush", "truncate")
-    changing = ("mkdir", "replace", "rename", "remove", "unlink", "rmdir", "link", "symlink", "write", "utime", "chmod")
-    names = (*changing, "fsync")
-    return getattr(owner, "__name__", "") in ("posix", "nt") and function.__name__ in names
-
-
-def build_killed_at(step: int, *arguments: str) -> bool:
-    """Build in a child process that SIGKILL ends at its `step`-th change of the disk; return whether it was killed.
-
-    Steps are counted before each write and each move: until the next one, the disk stays as the last one left it. The
-    data on disk and the data still in Python's buffers are then as if the process were killed from outside.
-    """
-    child = os.fork()
-    if child == 0:
-        steps = itertools.count()
-
-        def profile(_frame: object, event: str, function: Any) -> None:
-            if event == "c_call" and changes_disk(function) and next(steps) == step:
-                os.kill(os.getpid(), signal.SIGKILL)
-
-        sys.setprofile(profile)
-        try:
-            build(*arguments)
-        finally:
-            os._exit(0)
-    _, status = os.waitpid(child, 0)
-    return os.WIFSIGNALED(status)
-
-
 def kill_everywhere(prepare: Path, *arguments: str) -> Iterator[Kill]:
     """Kill the build of `arguments` at each of its steps, each time on a fresh copy of `prepare`."""
     for step in itertools.count():
         shutil.rmtree("out", ignore_errors=True)
         shutil.copytree(prepare, "out")
-        if not build_killed_at(step, *arguments):
+        if not dies_at(step, lambda: build(*arguments)):
             return
         left = content(Path("out"))
         exit_code = build(*arguments)
@@ -867,7 +833,7 @@ def test_a_killed_build_leaves_no_half_written_depfile_and_the_next_run_no_lefto
     expected, listing = Path("made/types.d").read_bytes(), os.listdir("made")
     for step in itertools.count():
         Path("made/types.d").unlink()
-        if not build_killed_at(step, *arguments):
+        if not dies_at(step, lambda: build(*arguments)):
             break
         assert not Path("made/types.d").exists() or Path("made/types.d").read_bytes() == expected
         assert build(*arguments) == 0
