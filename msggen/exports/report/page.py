@@ -15,8 +15,7 @@ from markupsafe import Markup
 
 from msggen.analysis import devices
 from msggen.analysis.document import notes_of
-from msggen.analysis.facts import facts_of
-from msggen.analysis.figures import duration_text, figures_of
+from msggen.analysis.figures import duration_text, facts_of, figures_of
 from msggen.analysis.findings import findings_of
 from msggen.analysis.flight import Flight, flight_of
 from msggen.analysis.rules.table import FLIGHT, TOPICS

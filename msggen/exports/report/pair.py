@@ -10,8 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from msggen.analysis.compare import SIDES, Comparison, comparable, compare
-from msggen.analysis.facts import facts_of
-from msggen.analysis.figures import Track
+from msggen.analysis.figures import Track, facts_of
 from msggen.analysis.flight import Flight
 from msggen.analysis.timeline import COLOURS, Timeline
 from msggen.exports.report import charts as drawn
