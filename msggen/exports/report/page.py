@@ -49,14 +49,6 @@ NOTHING = (
 """Why there is no report."""
 
 
-class Bar(NamedTuple):
-    """The times of a mode: a path of SVG in a box as wide as the log is long, and 1 high."""
-
-    name: str
-    path: str
-    colour: int
-
-
 class Shown(NamedTuple):
     """The rows of a table or a list that are shown, of so many."""
 
@@ -67,16 +59,6 @@ class Shown(NamedTuple):
     def left_out(self) -> int:
         """How many are not shown."""
         return self.total - len(self.rows)
-
-
-class Strip(NamedTuple):
-    """What happened in a flight over time, above the charts."""
-
-    name: str
-    """"" for the only flight."""
-    modes: Sequence[Bar]
-    failsafes: str
-    """The times of failsafes as a path, "" if there are none."""
 
 
 def _values(flight: Flight, charts: Charts) -> dict[str, object]:
@@ -128,14 +110,16 @@ def _no_parameters(log: Log) -> str:
     return "All parameters were default at the start."
 
 
-def strip_of(name: str, timeline: Timeline, axis: Times) -> Strip:
-    """Return what happened in a flight over time."""
+def strip_of(name: str, timeline: Timeline, axis: Times) -> dict[str, object]:
+    """Return what happened in a flight over time: paths of SVG in a box as wide as the log is long, and 1 high."""
     spans: dict[str, list[tuple[float, float]]] = {}
     for each in timeline.modes:
         spans.setdefault(each.name, []).append((each.begin, each.end))
     colours = timeline.colours
-    modes = [Bar(mode, bars(found, axis.duration), colours[mode]) for mode, found in spans.items()]
-    return Strip(name, modes, bars(timeline.failsafes, axis.duration))
+    modes = [
+        {"name": mode, "path": bars(found, axis.duration), "colour": colours[mode]} for mode, found in spans.items()
+    ]
+    return {"name": name, "modes": modes, "failsafes": bars(timeline.failsafes, axis.duration)}
 
 
 def first_of(rows: Sequence[Any], most: int = MOST_ROWS) -> Shown:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -28,16 +28,6 @@ if TYPE_CHECKING:
 _LOCAL = "vehicle_local_position"
 _FARTHEST = 5000.0
 """The distance in m between the origins of two tracks from which each begins in the middle."""
-
-
-class Said(NamedTuple):
-    """A finding of a flight, or why a rule cannot say anything of it."""
-
-    side: str
-    level: str
-    text: str
-    time: float | None = None
-    """When it was, on the axis of the page."""
 
 
 def report_of_both(*logs: Log) -> str:
@@ -93,8 +83,8 @@ def _lead(side: str, flight: Flight) -> str:
     return f"{side}: {' · '.join(filter(None, parts))}"
 
 
-def _told(comparison: Comparison, *, is_of_one: bool) -> Iterator[Said]:
-    """Yield the findings of one flight, or those of both."""
+def _told(comparison: Comparison, *, is_of_one: bool) -> Iterator[dict[str, object]]:
+    """Yield the findings of one flight, or those of both, and why a rule cannot say anything of a flight."""
     moment = comparison.moment
     for told in comparison.findings:
         if told.is_of_one is not is_of_one:
@@ -102,9 +92,10 @@ def _told(comparison: Comparison, *, is_of_one: bool) -> Iterator[Said]:
         sides = zip(SIDES, (told.first, told.second), (moment.first, moment.second), told.unsaid, strict=True)
         for side, findings, start, reason in sides:
             for each in findings:
-                yield Said(side, each.level, each.text, None if each.time is None else each.time - start)
+                time = None if each.time is None else each.time - start
+                yield {"side": side, "level": each.level, "text": each.text, "time": time}
             if reason and not findings:
-                yield Said(side, "info", f"does not tell: {reason}")
+                yield {"side": side, "level": "info", "text": f"does not tell: {reason}", "time": None}
 
 
 def _shown(flights: tuple[Flight, Flight], moments: tuple[float, float]) -> Iterator[drawn.Shown]:
