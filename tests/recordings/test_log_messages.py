@@ -12,14 +12,14 @@ import pytest
 from msggen import recordings
 from msggen.base.location import Location
 from msggen.definitions.identity import message_hash
-from msggen.recordings import Log, RecordingError
+from msggen.recordings import RecordingError
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED, Releases
 from msggen.sources.finding import find_sources, with_archived
 from msggen.sources.released import embedded
 from support.catalogs import catalog_of, import_package
 from support.examples import by_day
-from support.log_files import Written, definition_in, write_log
+from support.log_files import Written, definition_in, opened
 from support.written import write_recording
 
 START = 1_790_000_000_000_000_000
@@ -45,10 +45,6 @@ def written(cls: Any, topic: str, payloads: list[bytes], **options: Any) -> Writ
     info = cls.__msg__
     samples = [(START + number * 10**9, START, payload) for number, payload in enumerate(payloads)]
     return Written(topic, info.ros_type, info.definition, samples, **options)
-
-
-def opened(folder: Path, *topics: Written, **options: Any) -> Log:
-    return recordings.open(write_log(folder / "flight.mcap", topics, **options))
 
 
 @pytest.mark.parametrize("name", ["VehicleOdometry", "EscStatus", "SensorGps", "VehicleStatus"])

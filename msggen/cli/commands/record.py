@@ -27,8 +27,7 @@ from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
-    from msggen.exports.recorder import Counts, Recorder
-    from msggen.exports.vehicle_definitions import Definitions
+    from msggen.exports.recorder import Counts, Definitions, Recorder
     from msggen.recordings.topics.choice import Choice
     from msggen.vehicle.vehicle import Vehicle
 
@@ -119,7 +118,7 @@ def _size(text: str) -> float:
 
 
 def _record(options: argparse.Namespace) -> int:
-    from msggen.exports.vehicle_definitions import Definitions
+    from msggen.exports.recorder import Definitions
     from msggen.recordings.topics.choice import Choice
 
     check_packages("R101")
