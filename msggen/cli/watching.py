@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from msggen.cli.options import add_shared
+from msggen.cli.options import add_shared, add_value
 from msggen.cli.printing import discard_output
 from msggen.cli.values import COUNT, positive
 
@@ -31,18 +31,13 @@ def is_interrupt(error: BaseException) -> bool:
 
 def add_window(parser: argparse.ArgumentParser, verb: str = "report on", default: float = 3.0) -> None:
     """Add the option that names the time in s whose samples count, with what is done with them."""
-    parser.add_argument(
-        "--window",
-        metavar="SECONDS",
-        type=positive,
-        default=f"{default:g}",
-        help=f"{verb} the samples of this time (default: {default:g})",
-    )
+    text = f"{verb} the samples of this time (default: {default:g})"
+    add_value(parser, "--window", "SECONDS", positive, text, default=f"{default:g}")
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
     """Add the options that end a command: a number of results, or a time."""
-    parser.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after N messages, or reports")
+    add_value(parser, "-n, --count", "N", COUNT, "end after N messages, or reports")
     add_shared(parser, "--for")
 
 

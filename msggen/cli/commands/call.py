@@ -11,30 +11,25 @@ from typing import TYPE_CHECKING, Any
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection
 from msggen.cli.message import add_timeout, add_values, read_values, wait_told
-from msggen.cli.options import FAILED_CODES, Commands, add_command, refuse
+from msggen.cli.options import Run, add_value, new_command, refuse
 from msggen.cli.values import non_empty
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "call",
-        _call,
-        help="call a service of a running vehicle",
-        description="Call a service of a running vehicle, and print the reply. PX4 has the service vehicle_command, "
-        "since v1.15.",
-        epilog=f"Exit codes: 0 done, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "service", metavar="SERVICE", nargs="?", type=non_empty, help="such as vehicle_command (default: the only one)"
-    )
+@new_command(
+    "call",
+    "call a service of a running vehicle",
+    "Call a service of a running vehicle, and print the reply. PX4 has the service vehicle_command, since v1.15.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "service", "SERVICE", non_empty, "such as vehicle_command (default: the only one)", nargs="?")
     add_values(parser)
     add_timeout(parser)
     add_link(parser)
+    return _call
 
 
 def _call(options: argparse.Namespace) -> int:

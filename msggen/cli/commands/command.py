@@ -17,7 +17,7 @@ from msggen.cli.chosen_types import expected_types
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.message import add_timeout, settle
 from msggen.cli.names import names_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.table import BOLD, styled
 from msggen.cli.values import Deferred, non_empty
 from msggen.messages.nav_states import MODE_NAMES, SELECTABLE, TAKEOFF, mode_number
@@ -46,44 +46,32 @@ _EXPLAINED = ("TEMPORARILY_REJECTED", "DENIED")
 """The results whose reasons a vehicle shows."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "command",
-        _command,
-        help="send a command such as NAV_TAKEOFF to a running vehicle",
-        description="Send a VehicleCommand to a running vehicle, and print how it is acknowledged. Parameters have "
-        "names, which --list shows with their units; those that are not given are NaN, not set. The command is "
-        "published, so it works in every session, unlike msggen call. A program that flies uses the actions, the "
-        "Offboard mode and the flight modes of msggen.flight instead, which wait until they are done (docs/flight.md).",
-        epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
+@new_command(
+    "command",
+    "send a command such as NAV_TAKEOFF to a running vehicle",
+    "Send a VehicleCommand to a running vehicle, and print how it is acknowledged. Parameters have "
+    "names, which --list shows with their units; those that are not given are NaN, not set. The command is "
+    "published, so it works in every session, unlike msggen call. A program that flies uses the actions, the "
+    "Offboard mode and the flight modes of msggen.flight instead, which wait until they are done (docs/flight.md).",
+    epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(
+        parser, "command", "COMMAND", non_empty, f"such as NAV_TAKEOFF, or {', '.join((*SHORT, _MODE))}", nargs="?"
     )
-    parser.add_argument(
-        "command",
-        metavar="COMMAND",
-        nargs="?",
-        type=non_empty,
-        help=f"such as NAV_TAKEOFF, or {', '.join((*SHORT, _MODE))}",
+    text = (
+        "parameters of the command, such as altitude=500, and fields of VehicleCommand; after mode, the name of a "
+        "mode, such as hold; after takeoff, a height in m above the ground"
     )
-    parser.add_argument(
-        "parameters",
-        metavar="NAME=VALUE",
-        nargs="*",
-        type=non_empty,
-        help="parameters of the command, such as altitude=500, and fields of VehicleCommand; after mode, the name of a "
-        "mode, such as hold; after takeoff, a height in m above the ground",
-    )
-    parser.add_argument("--list", action="store_true", help="list all commands, or the parameters of one")
-    parser.add_argument(
-        "--target",
-        metavar="SYSTEM[:COMPONENT]",
-        type=_target,
-        help="ids of the vehicle, 0 for all (default: those in its VehicleStatus)",
-    )
+    add_value(parser, "parameters", "NAME=VALUE", non_empty, text, nargs="*")
+    add_flag(parser, "--list", "list all commands, or the parameters of one")
+    text = "ids of the vehicle, 0 for all (default: those in its VehicleStatus)"
+    add_value(parser, "--target", "SYSTEM[:COMPONENT]", _target, text)
     add_timeout(parser)
     add_shared(parser, "--json")
     add_link(parser)
+    return _command
 
 
 def _command(options: argparse.Namespace) -> int:

@@ -15,7 +15,7 @@ from msggen.base.foreign import unguarded
 from msggen.cli.commands.call import request_like
 from msggen.cli.message import values_like
 from msggen.cli.names import names_of
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Run, new_command
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -27,17 +27,16 @@ _CONTROL = frozenset(map(chr, (*range(0x20), *range(0x7F, 0xA0))))
 """Control characters. Paths keep other characters that are not printable, such as the spaces that macOS writes."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "completion",
-        _completion,
-        help="print the script that completes commands in a shell",
-        description="Print the script with which a shell completes the commands of msggen, their options, and names of "
-        "messages, topics, fields, releases, rules and boards. docs/build.md shows how to install it.",
-    )
+@new_command(
+    "completion",
+    "print the script that completes commands in a shell",
+    "Print the script with which a shell completes the commands of msggen, their options, and names of "
+    "messages, topics, fields, releases, rules and boards. docs/build.md shows how to install it.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     parser.add_argument("shell", choices=_SHELLS, metavar="SHELL", help=", ".join(_SHELLS))
+    return _completion
 
 
 def _completion(options: argparse.Namespace) -> int:

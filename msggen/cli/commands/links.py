@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_address, add_allowed, add_types, link_errors, link_of, router
-from msggen.cli.options import Commands, add_command, add_group, add_shared
+from msggen.cli.options import Run, add_flag, add_shared, add_value, new_command, new_group
 from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
 from msggen.link.link_types import LINK_TYPES, usages
@@ -27,58 +27,54 @@ _UNSENT = "not sent, because they came late"
 _SHARED = tuple(scheme for scheme, link_type in LINK_TYPES.items() if link_type.is_shared)
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    actions = add_group(
-        commands,
-        "link",
-        help="own a link for other programs, list the processes that do, and stop one",
-        description="One process can open a link. The first program that needs it starts a process that owns it for "
-        "all programs of the user, and that ends by itself when none uses it for a while.",
-    )
-    _add_serve(actions)
-    listing = add_command(
-        actions,
-        "list",
-        _list,
-        help="list the processes that own a link",
-        description="List the processes that own a link, with their vehicles, and the programs that use them.",
-    )
-    add_shared(listing, "--json")
-    stopping = add_command(
-        actions,
-        "stop",
-        _stop,
-        help="stop the process that owns a link",
-        description="Stop the process that owns a link. Programs that use the link start another one, which continues "
-        "the session of the vehicle.",
-    )
-    stopping.add_argument(
-        "link", metavar="URL", nargs="?", type=non_empty, help="address of the link (default: the only one)"
-    )
-
-
-def _add_serve(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "serve",
-        _serve,
-        help="own a link until Ctrl-C, and tell who uses it",
-        description="Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
-        "vehicles connect, which programs join, and in a terminal how many samples arrive.",
-    )
-    parser.add_argument("url", metavar="URL", nargs="?", type=non_empty, help="address of the link, instead of --link")
+@new_command(
+    "serve",
+    "own a link until Ctrl-C, and tell who uses it",
+    "Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
+    "vehicles connect, which programs join, and in a terminal how many samples arrive.",
+)
+def _add_serve(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "url", "URL", non_empty, "address of the link, instead of --link", nargs="?")
     add_address(parser)
     add_allowed(parser)
-    parser.add_argument(
-        "--zenoh",
-        metavar="tcp/HOST:PORT",
-        type=router,
-        help="also carry the vehicles to Zenoh, for programs on other computers and ROS 2: this is the address of a "
-        "router, which this process is itself if the port is free; ?config=FILE after it names a configuration",
+    text = (
+        "also carry the vehicles to Zenoh, for programs on other computers and ROS 2: this is the address of a "
+        "router, which this process is itself if the port is free; ?config=FILE after it names a configuration"
     )
+    add_value(parser, "--zenoh", "tcp/HOST:PORT", router, text)
     add_types(parser)
-    parser.add_argument("--background", action="store_true", help="return when programs can join")
+    add_flag(parser, "--background", "return when programs can join")
+    return _serve
+
+
+@new_command(
+    "list",
+    "list the processes that own a link",
+    "List the processes that own a link, with their vehicles, and the programs that use them.",
+)
+def _add_list(parser: argparse.ArgumentParser) -> Run:
+    add_shared(parser, "--json")
+    return _list
+
+
+@new_command(
+    "stop",
+    "stop the process that owns a link",
+    "Stop the process that owns a link. Programs that use the link start another one, which continues "
+    "the session of the vehicle.",
+)
+def _add_stop(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "link", "URL", non_empty, "address of the link (default: the only one)", nargs="?")
+    return _stop
+
+
+add_to = new_group(
+    "link",
+    "own a link for other programs, list the processes that do, and stop one",
+    "One process can open a link. The first program that needs it starts a process that owns it for "
+    "all programs of the user, and that ends by itself when none uses it for a while.",
+    (_add_serve, _add_list, _add_stop),
+)
 
 
 def _wanted(options: argparse.Namespace, named: str = "--link", *, is_networked: bool = False) -> tuple[Place, Wanted]:

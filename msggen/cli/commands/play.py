@@ -11,7 +11,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.commands.record import add_topics, check_packages
 from msggen.cli.link import agent_of, link_errors
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command
 from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.screen import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
@@ -30,35 +30,26 @@ _NOTICE = 2.0
 """The time in s without a program after which to say so."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "play",
-        _play,
-        help="publish a recording as the vehicle did",
-        description="Play an MCAP file in place of a vehicle: connect to a program that uses msggen.live, to another "
-        "msggen command, or to an agent, as PX4's client does, and publish the recorded samples at their times.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no program answered, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "file", metavar="FILE", type=local_path, help="recording of `msggen record` or `ros2 bag record`, an MCAP file"
-    )
+@new_command(
+    "play",
+    "publish a recording as the vehicle did",
+    "Play an MCAP file in place of a vehicle: connect to a program that uses msggen.live, to another "
+    "msggen command, or to an agent, as PX4's client does, and publish the recorded samples at their times.",
+    epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no program answered, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "file", "FILE", local_path, "recording of `msggen record` or `ros2 bag record`, an MCAP file")
     add_topics(parser, "play")
-    parser.add_argument(
-        "--to",
-        metavar="ADDRESS",
-        type=non_empty,
-        help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
-    )
-    parser.add_argument("--rate", metavar="FACTOR", type=positive, default="1", help="speed (default: 1)")
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--start", metavar="SECONDS", type=seconds, help="begin at this time of the recording")
+    text = f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})"
+    add_value(parser, "--to", "ADDRESS", non_empty, text)
+    add_value(parser, "--rate", "FACTOR", positive, "speed (default: 1)", default="1")
+    add_flag(parser, "--loop", "begin again at the end")
+    add_value(parser, "--start", "SECONDS", seconds, "begin at this time of the recording")
     add_shared(parser, "--for")
-    parser.add_argument(
-        "--key", metavar="N", type=KEY, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
-    )
+    add_value(parser, "--key", "N", KEY, "key of the client, as UXRCE_DDS_KEY (default: 1)", default="1")
     add_shared(parser, "-q, --quiet")
+    return _play
 
 
 def _play(options: argparse.Namespace) -> int:

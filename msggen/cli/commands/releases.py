@@ -7,7 +7,7 @@ import re
 from typing import NamedTuple
 
 from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Run, new_command
 from msggen.cli.table import DIM, Column, print_table
 
 _MESSAGES = ("msg/", "msg/versioned/")
@@ -17,15 +17,14 @@ _TOPICS = re.compile(r"^# TOPICS (.*)", re.MULTILINE)
 _ENDPOINT = re.compile(r"^ *- +(?:\{ *)?topic:", re.MULTILINE)
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    add_command(
-        commands,
-        "releases",
-        _releases,
-        help="list the embedded releases of PX4",
-        description="List the releases of PX4 whose definitions are part of msggen. `--px4 v1.16` names one of them.",
-    )
+@new_command(
+    "releases",
+    "list the embedded releases of PX4",
+    "List the releases of PX4 whose definitions are part of msggen. `--px4 v1.16` names one of them.",
+)
+def add_to(_: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    return _releases
 
 
 def _releases(_: argparse.Namespace) -> int:

@@ -15,7 +15,7 @@ from msggen.base.exit_codes import DONE
 from msggen.base.foreign import escaped
 from msggen.cli.chosen_types import is_given, known_types
 from msggen.cli.link import add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import ENDED_CODES, Run, add_shared, add_value, new_command
 from msggen.cli.packages import check_reading, needing, read_errors
 from msggen.cli.values import local_path, non_empty, whole
 from msggen.cli.watching import rounds, watching
@@ -37,27 +37,24 @@ _CHECK = 0.5
 """The time in s between two looks at a vehicle."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "view",
-        _view,
-        help="show a running vehicle or a recording in Foxglove",
-        description="Show all topics of a running vehicle, or of a recording, in Foxglove, over its websocket. The "
-        "vehicle is also sent as frame, pose and location, so that it moves in the panels 3D and Map. "
-        "Needs the packages of the extra `view`.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "file", metavar="FILE", nargs="?", type=local_path, help="recording in MCAP (default: the vehicle on the link)"
-    )
+@new_command(
+    "view",
+    "show a running vehicle or a recording in Foxglove",
+    "Show all topics of a running vehicle, or of a recording, in Foxglove, over its websocket. The "
+    "vehicle is also sent as frame, pose and location, so that it moves in the panels 3D and Map. "
+    "Needs the packages of the extra `view`.",
+    epilog=ENDED_CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "file", "FILE", local_path, "recording in MCAP (default: the vehicle on the link)", nargs="?")
     group = parser.add_argument_group("server")
-    group.add_argument("--host", metavar="ADDRESS", type=non_empty, help=f"address to serve on (default: {_HOST})")
-    group.add_argument("--port", metavar="N", type=whole(0, 65535), help=f"port to serve on (default: {_PORT})")
+    add_value(group, "--host", "ADDRESS", non_empty, f"address to serve on (default: {_HOST})")
+    add_value(group, "--port", "N", whole(0, 65535), f"port to serve on (default: {_PORT})")
     add_shared(group, "--for")
     add_shared(parser, "-q, --quiet")
     add_link(parser)
+    return _view
 
 
 def _view(options: argparse.Namespace) -> int:

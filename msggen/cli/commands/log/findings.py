@@ -19,7 +19,7 @@ from msggen.cli.commands.log.arguments import add_file
 from msggen.cli.commands.log.fleet import MOST_JOBS, is_fleet
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar, progress_bar
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, check_parent, new_command, refuse
 from msggen.cli.packages import check_reading, store_errors
 from msggen.cli.table import BOLD, LEVEL_STYLES, styled
 from msggen.cli.values import local_path, whole
@@ -33,18 +33,16 @@ _KEYS = (("recording", None, str), ("digest", "", str), ("size", 0, int), ("chan
 """The keys of a line that must fit, each with what stands for a missing one, and its type."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "findings",
-        _findings,
-        help="say what went wrong in a flight, or nearly: vibration, power, GPS, motors, failsafes and more",
-        description="Say what went wrong in a flight, or nearly: what was seen and when, what it means and what to do, "
-        "the worst first. What the recording does not tell is said, too. `msggen rules` lists the rules, `msggen "
-        "explain ID` explains one.",
-        epilog=_CODES,
-    )
+@new_command(
+    "findings",
+    "say what went wrong in a flight, or nearly: vibration, power, GPS, motors, failsafes and more",
+    "Say what went wrong in a flight, or nearly: what was seen and when, what it means and what to do, "
+    "the worst first. What the recording does not tell is said, too. `msggen rules` lists the rules, `msggen "
+    "explain ID` explains one.",
+    epilog=_CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
     group = parser.add_argument_group(
         "folders of recordings",
@@ -52,12 +50,13 @@ def add_to(actions: Commands) -> None:
         "with -o or --json (docs/findings.md).",
     )
     text = "file to write, a line of JSON for each recording; what one has already is not examined again"
-    group.add_argument("-o", "--output", metavar="FILE", type=local_path, help=text)
+    add_value(group, "-o, --output", "FILE", local_path, text)
     text = "number of processes (default: that of the processors)"
-    group.add_argument("--jobs", metavar="N", type=whole(1, MOST_JOBS), help=text)
+    add_value(group, "--jobs", "N", whole(1, MOST_JOBS), text)
     text = "list the rules that found nothing, and those that cannot say anything, with the reason"
-    parser.add_argument("-v", "--verbose", action="store_true", help=text)
+    add_flag(parser, "-v, --verbose", text)
     add_shared(parser, "--json")
+    return _findings
 
 
 def _findings(options: argparse.Namespace) -> int:

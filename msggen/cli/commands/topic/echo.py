@@ -16,7 +16,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.topic.naming import SPELLINGS, heard, named
 from msggen.cli.commands.topic.printer import Printer, check_fields, condition_of
 from msggen.cli.link import Connection, add_link, connection, for_people
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.values import local_path, non_empty, positive
 from msggen.cli.watching import add_limits, rounds, watching
@@ -38,46 +38,32 @@ _CONDITION = re.compile(r"[\s=<>!&|^()%*+]")
 """What a condition has, and no name of a topic."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "echo",
-        _echo,
-        help="print the messages of topics",
-        description="Print the messages of topics as they arrive, with names of enums and units, until Ctrl-C. A "
-        "condition can stand behind a single topic, too: a second word with an operator, a space or parentheses is "
-        "one. Of several topics, each has its own number of messages, by -n or --once.",
-        epilog="Example: `msggen topic echo vehicle_status 'arming_state == ARMED' --once`. "
-        f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="+",
-        type=non_empty,
-        help=f"topics to print, also as TOPIC.FIELD, or TOPIC FILTER; {SPELLINGS}",
-    )
-    parser.add_argument(
-        "--filter",
-        metavar="CONDITION",
-        type=non_empty,
-        help="print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'",
-    )
+@new_command(
+    "echo",
+    "print the messages of topics",
+    "Print the messages of topics as they arrive, with names of enums and units, until Ctrl-C. A "
+    "condition can stand behind a single topic, too: a second word with an operator, a space or parentheses is "
+    "one. Of several topics, each has its own number of messages, by -n or --once.",
+    epilog="Example: `msggen topic echo vehicle_status 'arming_state == ARMED' --once`. "
+    f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = f"topics to print, also as TOPIC.FIELD, or TOPIC FILTER; {SPELLINGS}"
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="+")
+    text = "print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'"
+    add_value(parser, "--filter", "CONDITION", non_empty, text)
     add_shared(parser, "--field")
-    parser.add_argument(
-        "--events",
-        metavar="FILE",
-        type=local_path,
-        help="print what events say, too, by all_events.json.xz of the firmware's build, or a ULog that it has written",
-    )
-    parser.add_argument("--once", action="store_true", help="end after the first message")
-    parser.add_argument("--every", metavar="SECONDS", type=positive, help="print at most one message in this time")
+    text = "print what events say, too, by all_events.json.xz of the firmware's build, or a ULog that it has written"
+    add_value(parser, "--events", "FILE", local_path, text)
+    add_flag(parser, "--once", "end after the first message")
+    add_value(parser, "--every", "SECONDS", positive, "print at most one message in this time")
     add_limits(parser)
     group = parser.add_mutually_exclusive_group()
     add_shared(group, "--json", "--csv")
     add_shared(parser, "--quote-formulas")
     add_link(parser)
+    return _echo
 
 
 def _echo(options: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ import argparse
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,7 +14,7 @@ from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
 from msggen.cli.commands.topic.naming import add_topics, heard, names_check
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import ENDED_CODES, Commands, Run, add_shared, new_command
 from msggen.cli.printing import finite, number_of_bytes
 from msggen.cli.table import YELLOW, Column, print_table
 from msggen.cli.watching import add_limits, add_window, rounds, watching
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from msggen.vehicle.watch import Direction, Watcher
 
 _PERIOD = 1.0
-_CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
 _NOT_IN_SYNC = "not in sync"
 _NO_RATE = "one sample"
 _SILENT = "silent"
@@ -163,42 +163,47 @@ def _spread(row: dict[str, Any], digits: int) -> str:
     return f"\t{shown} window: {row['window']}"
 
 
-def add_to(actions: Commands) -> None:
-    """Add the actions to `msggen topic`."""
-    _add(
-        actions,
+_ACTIONS: tuple[tuple[str, type[_Measure], str, str], ...] = (
+    (
         "hz",
         _Rates,
-        help="measure how often topics are published",
-        description="Measure the rate of topics, and the time between two samples.",
-    )
-    _add(
-        actions,
+        "measure how often topics are published",
+        "Measure the rate of topics, and the time between two samples.",
+    ),
+    (
         "bw",
         _Bandwidths,
-        help="measure the bandwidth of topics",
-        description="Measure the bandwidth of topics, and the size of their samples.",
-    )
-    _add(
-        actions,
+        "measure the bandwidth of topics",
+        "Measure the bandwidth of topics, and the size of their samples.",
+    ),
+    (
         "delay",
         _Delays,
-        help="measure how old samples are when they arrive",
-        description="Measure the time from the `timestamp` in samples, and their `timestamp_sample`, to their arrival. "
-        "PX4 converts both to the time of this computer.",
-    )
+        "measure how old samples are when they arrive",
+        (
+            "Measure the time from the `timestamp` in samples, and their `timestamp_sample`, to their arrival. "
+            "PX4 converts both to the time of this computer."
+        ),
+    ),
+)
 
 
-def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) -> None:
-    parser = add_command(actions, name, lambda options: _measure(options, measure), epilog=_CODES, **about)
+def add_to(actions: Commands) -> None:
+    """Add the actions to `msggen topic`."""
+    for name, measure, summary, description in _ACTIONS:
+        new_command(name, summary, description, epilog=ENDED_CODES)(partial(_add, measure))(actions)
+
+
+def _add(measure: type[_Measure], parser: argparse.ArgumentParser) -> Run:
     add_topics(parser)
     add_window(parser)
     add_limits(parser)
     add_shared(parser, "--json")
     add_link(parser)
+    return partial(_measure, measure)
 
 
-def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
+def _measure(kind: type[_Measure], options: argparse.Namespace) -> int:
     with connection(options, names_check(options, options.topics), needs_types=False) as found:
         topics = heard(options, found, options.topics)
         names = [topic.name for topic in topics]

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Check, Connection
-from msggen.cli.options import refuse
+from msggen.cli.options import add_value, refuse
 from msggen.cli.values import non_empty
 
 if TYPE_CHECKING:
@@ -23,18 +23,12 @@ SPELLINGS_IN = "any spelling will do: trajectory_setpoint, /fmu/in/trajectory_se
 
 def add_topic(parser: argparse.ArgumentParser, spellings: str = SPELLINGS) -> None:
     """Add the argument TOPIC."""
-    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help=f"the topic; {spellings}")
+    add_value(parser, "topic", "TOPIC", non_empty, f"the topic; {spellings}")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:
     """Add the argument TOPIC, which can be given several times or not at all."""
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        type=non_empty,
-        help=f"topics that PX4 publishes (default: all); {SPELLINGS}",
-    )
+    add_value(parser, "topics", "TOPIC", non_empty, f"topics that PX4 publishes (default: all); {SPELLINGS}", nargs="*")
 
 
 def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way) -> Named:

@@ -15,7 +15,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import needing
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
 from msggen.cli.screen import can_draw, held_warnings
@@ -41,30 +41,24 @@ _SIZE = 80, 24
 """The columns and lines of a plot that is printed where there is no terminal."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "plot",
-        _plot,
-        help="plot fields over time in the terminal, and to a file",
-        description="Plot fields over time in the terminal as their samples arrive: those of one unit share a panel, "
-        "and values with names are bands. Space pauses; q or Ctrl-C ends it. Into a pipe, the plot is printed once, "
-        "after the time of --for, or else of --window.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no samples of a field, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "fields",
-        metavar="FIELD",
-        nargs="+",
-        type=non_empty,
-        help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]; or a topic, with --field",
-    )
+@new_command(
+    "plot",
+    "plot fields over time in the terminal, and to a file",
+    "Plot fields over time in the terminal as their samples arrive: those of one unit share a panel, "
+    "and values with names are bands. Space pauses; q or Ctrl-C ends it. Into a pipe, the plot is printed once, "
+    "after the time of --for, or else of --window.",
+    epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no samples of a field, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = "vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]; or a topic, with --field"
+    add_value(parser, "fields", "FIELD", non_empty, text, nargs="+")
     add_shared(parser, "--field")
     add_picture(parser, "none; at the end, the plot of the last --window")
     add_window(parser, "plot", 30.0)
     add_shared(parser, "--for", "-q, --quiet")
     add_link(parser)
+    return _plot
 
 
 class _Field(NamedTuple):

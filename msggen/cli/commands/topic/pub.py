@@ -15,7 +15,7 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import SPELLINGS_IN, add_topic, named
 from msggen.cli.link import add_link, connection
 from msggen.cli.message import Values, add_values, read_values, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.values import Deferred, positive
 from msggen.cli.watching import add_limits, watching
 
@@ -28,26 +28,25 @@ _RATE = 1.0
 _FASTEST = 1e4
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "pub",
-        _pub,
-        help="publish to a topic that the vehicle reads",
-        description="Publish a message to a topic that the vehicle reads, once or at a rate until Ctrl-C. The values "
-        "are YAML, checked against the definition of the message: fields without a value are zero, numbers can be "
-        "names of enum members, as in 'landing_gear: DOWN'.",
-        epilog="Example: `msggen topic pub --once trajectory_setpoint '{position: [0, 0, -5]}'`. "
-        f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
-    )
+@new_command(
+    "pub",
+    "publish to a topic that the vehicle reads",
+    "Publish a message to a topic that the vehicle reads, once or at a rate until Ctrl-C. The values "
+    "are YAML, checked against the definition of the message: fields without a value are zero, numbers can be "
+    "names of enum members, as in 'landing_gear: DOWN'.",
+    epilog="Example: `msggen topic pub --once trajectory_setpoint '{position: [0, 0, -5]}'`. "
+    f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_topic(parser, SPELLINGS_IN)
     add_values(parser)
-    parser.add_argument("-r", "--rate", metavar="HZ", type=_rate, help=f"messages a second (default: {_RATE:g})")
-    parser.add_argument("-1", "--once", action="store_true", help="end after the first message")
+    add_value(parser, "-r, --rate", "HZ", _rate, f"messages a second (default: {_RATE:g})")
+    add_flag(parser, "-1, --once", "end after the first message")
     add_limits(parser)
     add_shared(parser, "-q, --quiet")
     add_link(parser)
+    return _pub
 
 
 def _pub(options: argparse.Namespace) -> int:
