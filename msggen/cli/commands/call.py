@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection
 from msggen.cli.message import add_timeout, add_values, read_values, wait_told
 from msggen.cli.options import Run, add_value, new_command, refuse
@@ -32,7 +31,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _call
 
 
-def _call(options: argparse.Namespace) -> int:
+def _call(options: argparse.Namespace) -> None:
     if options.values is None and (options.service or "").startswith(("{", "-")):
         options.service, options.values = None, options.service
     values = read_values(options)
@@ -44,7 +43,6 @@ def _call(options: argparse.Namespace) -> int:
         request = request_of(found.package)
         wait_told(found, type(request).__msg__.ros_type)
         print(*found.package.show(found.vehicle.call(request, options.timeout)).split("\n"), sep="\n")
-    return DONE
 
 
 def service_of(options: argparse.Namespace, package: ModuleType) -> Any:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from msggen.base.exit_codes import DONE
 from msggen.base.foreign import unguarded
 from msggen.cli.commands.call import request_like
 from msggen.cli.message import values_like
@@ -39,11 +38,10 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _completion
 
 
-def _completion(options: argparse.Namespace) -> int:
+def _completion(options: argparse.Namespace) -> None:
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(["msggen"], shell=options.shell), file=unguarded(sys.stdout))
-    return DONE
 
 
 def complete() -> None:

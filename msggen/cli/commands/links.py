@@ -9,7 +9,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_address, add_allowed, add_types, link_errors, link_of, router
 from msggen.cli.options import Run, add_flag, add_shared, add_value, new_command, new_group
 from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
@@ -96,7 +95,7 @@ def _wanted(options: argparse.Namespace, named: str = "--link", *, is_networked:
         return place_of(address), Wanted(address, tuple(options.allow))
 
 
-def _serve(options: argparse.Namespace) -> int:
+def _serve(options: argparse.Namespace) -> None:
     from msggen.vehicle.owned.joining import start_owner
 
     if options.url and options.link:
@@ -107,7 +106,7 @@ def _serve(options: argparse.Namespace) -> int:
     with link_errors(str(wanted.address)):
         if not options.background:
             _own(place, wanted, options.zenoh, types)
-            return DONE
+            return
         if options.zenoh:
             from msggen.cli.commands.networked import PROCESS, setup_of
 
@@ -115,7 +114,6 @@ def _serve(options: argparse.Namespace) -> int:
         else:
             start_owner(place, wanted, stays=True)
         print(f"{wanted.address} is open; its log is {place.log}")
-    return DONE
 
 
 def _types_of_network(options: argparse.Namespace, wanted: Wanted) -> ModuleType | None:
@@ -163,15 +161,14 @@ def _own(place: Place, wanted: Wanted, zenoh: str | None, types: ModuleType | No
         serve(place, wanted.address, wanted.allow, idle=never, ready=ready)
 
 
-def _list(options: argparse.Namespace) -> int:
+def _list(options: argparse.Namespace) -> None:
     found = _running()
     if options.json:
         print(dump(objects_of(_COLUMNS, found)))
-        return DONE
+        return
     if not found:
         print("no process owns a link")
     print_table(_COLUMNS, found, _programs)
-    return DONE
 
 
 def _programs(running: Running) -> list[str]:
@@ -192,7 +189,7 @@ def _running() -> list[Running]:
         return running()
 
 
-def _stop(options: argparse.Namespace) -> int:
+def _stop(options: argparse.Namespace) -> None:
     from msggen.vehicle.owned.owners import stop
 
     place = _place_to_stop(options)
@@ -200,7 +197,6 @@ def _stop(options: argparse.Namespace) -> int:
     with link_errors(place.name, has_owner=False):
         stop(place)
         print(f"{address or place.name} is closed")
-    return DONE
 
 
 def _place_to_stop(options: argparse.Namespace) -> Place:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.logs import log_to_stderr
 from msggen.cli.options import FAILED_CODES, Run, new_command
 from msggen.cli.packages import needing
@@ -23,11 +22,10 @@ def add_to(_: argparse.ArgumentParser) -> Run:
     return _lsp
 
 
-def _lsp(options: argparse.Namespace) -> int:
+def _lsp(options: argparse.Namespace) -> None:
     del options
     with needing("lsp", "L111"):
         from msggen.lsp.features import make_server
 
     log_to_stderr("lsp")
     make_server().start_io()
-    return DONE

@@ -10,7 +10,6 @@ from typing import Any
 
 from msggen.base.diagnostics import input_error
 from msggen.base.disk.urls import is_address
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link
 from msggen.cli.logs import log_to_stderr
 from msggen.cli.options import FAILED_CODES, Run, add_value, new_command
@@ -35,7 +34,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _mcp
 
 
-def _mcp(options: argparse.Namespace) -> int:
+def _mcp(options: argparse.Namespace) -> None:
     for each in options.places:
         if not (is_address(each) or os.path.exists(each)):
             raise input_error(each, "R102", "cannot be read: there is no such folder", 0)
@@ -58,4 +57,3 @@ def _mcp(options: argparse.Namespace) -> int:
         server.run()
     finally:
         signal.signal(signal.SIGINT, before)
-    return DONE

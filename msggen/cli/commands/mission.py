@@ -6,7 +6,6 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import Diagnostic, InputError, counted, printable, sorted_out
-from msggen.base.exit_codes import DONE
 from msggen.cli.options import Run, add_repeatable, add_shared, add_value, new_command, new_group
 from msggen.cli.printing import print_notices
 from msggen.cli.values import local_path, non_empty
@@ -35,7 +34,7 @@ add_to = new_group(
 )
 
 
-def _check(options: argparse.Namespace) -> int:
+def _check(options: argparse.Namespace) -> None:
     from msggen.flight.missions import read_mission
 
     plans: dict[str, Plan] = {}
@@ -52,12 +51,11 @@ def _check(options: argparse.Namespace) -> int:
         from msggen.show.report.json import dump
 
         print(dump([_facts(path, plan) for path, plan in plans.items()]))
-        return DONE
+        return
     for path, plan in plans.items():
         facts = _facts(path, plan)
         counts = f"{counted(facts['items'], 'item')}, {counted(facts['waypoints'], 'waypoint')}"
         print(f"{printable(path)}: {counts}, {facts['length']:,.0f} m between them")
-    return DONE
 
 
 def _facts(path: str, plan: Plan) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.options import Run, add_value, new_command
 from msggen.cli.values import local_path, non_empty
 
@@ -52,7 +51,7 @@ def _add_bridge(parser: argparse.ArgumentParser) -> None:
     bridge.add_argument("-m", "--topic-msg-dir", metavar="DIR", help="accepted and ignored: an option of older scripts")
 
 
-def _generate(options: argparse.Namespace) -> int:
+def _generate(options: argparse.Namespace) -> None:
     wants_bridge = any((options.yaml_file, options.template_file, options.clientdir))
     if wants_bridge and (options.kind or options.file):
         options.parser.error("options for messages and for the bridge cannot be combined: use two runs")
@@ -60,7 +59,6 @@ def _generate(options: argparse.Namespace) -> int:
     from msggen.base.disk.output import write_stale_files
 
     write_stale_files(folder, files)
-    return DONE
 
 
 def _messages(options: argparse.Namespace) -> tuple[str, dict[str, str]]:

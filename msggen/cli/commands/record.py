@@ -14,7 +14,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error
-from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import MCAP
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
@@ -104,7 +103,7 @@ def _size(text: str) -> float:
     return found
 
 
-def _record(options: argparse.Namespace) -> int:
+def _record(options: argparse.Namespace) -> None:
     from msggen.exports.vehicle_definitions import Definitions
     from msggen.recordings.topics.choice import Choice
 
@@ -126,7 +125,6 @@ def _record(options: argparse.Namespace) -> int:
         clock = _clock_of(found.vehicle)
         recorder = _open(options, choice, definitions, clock)
         _Session(options, found, recorder, definitions, clock).run()
-    return DONE
 
 
 def _clock_of(vehicle: Vehicle) -> str:

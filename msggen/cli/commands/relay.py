@@ -11,7 +11,6 @@ from logging import ERROR, getLogger
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error, printable
-from msggen.base.exit_codes import DONE
 from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command
@@ -55,11 +54,10 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _relay
 
 
-def _relay(options: argparse.Namespace) -> int:
+def _relay(options: argparse.Namespace) -> None:
     _check_ros(needs_types=not options.standard)
     with connection(options) as found:
         _run(options, found)
-    return DONE
 
 
 def _check_ros(*, needs_types: bool) -> None:

@@ -6,7 +6,6 @@ import argparse
 import re
 from typing import NamedTuple
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.options import Run, new_command
 from msggen.cli.table import DIM, Column, print_table
 
@@ -27,11 +26,10 @@ def add_to(_: argparse.ArgumentParser) -> Run:
     return _releases
 
 
-def _releases(_: argparse.Namespace) -> int:
+def _releases(_: argparse.Namespace) -> None:
     from msggen.sources.embedded import EMBEDDED
 
     print_table(_COLUMNS, [_Row(release, counts(release), is_default=release == EMBEDDED[0]) for release in EMBEDDED])
-    return DONE
 
 
 class _Row(NamedTuple):

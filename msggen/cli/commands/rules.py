@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 
-from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
 from msggen.cli.options import Commands, Run, add_output_format, add_value, new_command
 from msggen.cli.printing import colour, width
@@ -40,17 +39,15 @@ def _add_explain(parser: argparse.ArgumentParser) -> Run:
     return _explain
 
 
-def _rules(options: argparse.Namespace) -> int:
+def _rules(options: argparse.Namespace) -> None:
     from msggen.show.report.rules import list_rules, write_json
     from msggen.show.report.table import RULES
 
     is_json = options.output_format == "json"
     print(Styled(write_json(RULES) if is_json else list_rules(RULES, colour=colour(sys.stdout))))
-    return DONE
 
 
-def _explain(options: argparse.Namespace) -> int:
+def _explain(options: argparse.Namespace) -> None:
     from msggen.show.report.explained import explained
 
     print(Styled(explained(options.rule, width=width(), colour=colour(sys.stdout))))
-    return DONE

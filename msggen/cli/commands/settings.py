@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.options import Run, add_flag, add_shared, new_command
 from msggen.cli.source_options import settings_of
 from msggen.cli.table import DIM, Column, print_table
@@ -30,13 +29,13 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _settings
 
 
-def _settings(options: argparse.Namespace) -> int:
+def _settings(options: argparse.Namespace) -> None:
     if options.schema:
         from msggen.show.report.json import dump
         from msggen.sources.settings_schema import schema_of_settings
 
         print(dump(schema_of_settings()))
-        return DONE
+        return
     rows = list(_rows(settings_of(options)))
     if options.json:
         from msggen.cli.table import objects_of
@@ -45,7 +44,6 @@ def _settings(options: argparse.Namespace) -> int:
         print(dump(objects_of(_COLUMNS, rows)))
     else:
         print_table(_COLUMNS, rows)
-    return DONE
 
 
 class _Row(NamedTuple):

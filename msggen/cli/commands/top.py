@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import ENDED_CODES, Run, add_flag, add_shared, new_command
 from msggen.cli.screen import can_draw, held_warnings
@@ -41,7 +40,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _top
 
 
-def _top(options: argparse.Namespace) -> int:
+def _top(options: argparse.Namespace) -> None:
     with connection(options) as found:
         from msggen.vehicle.meter import Meter
 
@@ -53,7 +52,6 @@ def _top(options: argparse.Namespace) -> int:
             else:
                 with watching():
                     _run(source)
-    return DONE
 
 
 class _Source:

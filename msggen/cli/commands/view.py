@@ -11,7 +11,6 @@ from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, input_error
-from msggen.base.exit_codes import DONE
 from msggen.base.foreign import escaped
 from msggen.cli.chosen_types import is_given, known_types
 from msggen.cli.link import add_link, connection
@@ -57,7 +56,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _view
 
 
-def _view(options: argparse.Namespace) -> int:
+def _view(options: argparse.Namespace) -> None:
     check_reading("L111", "view")
     with needing("view", "L111"):
         from msggen.show.view import recording
@@ -68,7 +67,6 @@ def _view(options: argparse.Namespace) -> int:
         _show_recording(options)
     else:
         _show_vehicle(options)
-    return DONE
 
 
 def _show_vehicle(options: argparse.Namespace) -> None:

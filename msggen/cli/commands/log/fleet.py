@@ -230,13 +230,12 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _compact
 
 
-def _compact(options: argparse.Namespace) -> int:
+def _compact(options: argparse.Namespace) -> None:
     done = _compacted(options)
     if options.json:
         print(dump(done._asdict()))
     elif not options.quiet:
         print(f"{options.fleet}: {_line(done)}")
-    return DONE
 
 
 def _compacted(options: argparse.Namespace) -> Compacted:

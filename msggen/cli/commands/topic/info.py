@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import counted
-from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Run, add_shared, new_command
@@ -39,7 +38,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _info
 
 
-def _info(options: argparse.Namespace) -> int:
+def _info(options: argparse.Namespace) -> None:
     with connection(options, names_check(options, [options.topic]), needs_types=False) as found:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
@@ -49,7 +48,6 @@ def _info(options: argparse.Namespace) -> int:
             print(dump({key: value for fact in facts for key, value in fact.values.items()} | _definition(topic)))
         else:
             _print(facts, topic.message)
-    return DONE
 
 
 def _vehicle_hash(found: Connection, topic: Named) -> int | None:

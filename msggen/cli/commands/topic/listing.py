@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, Run, add_flag, add_shared, add_value, new_command, refuse
@@ -75,7 +74,7 @@ def _add_find(parser: argparse.ArgumentParser) -> Run:
     return _find
 
 
-def _list(options: argparse.Namespace) -> int:
+def _list(options: argparse.Namespace) -> None:
     from msggen.messages.lookup import all_topics
 
     with connection(options) as found:
@@ -93,7 +92,6 @@ def _list(options: argparse.Namespace) -> int:
         else:
             for row in rows:
                 print(f"{row.topic.name} [{_type(row.topic)}]" if options.show_types else row.topic.name)
-    return DONE
 
 
 def _flows(options: argparse.Namespace, found: Connection) -> dict[str, Flow]:
@@ -166,23 +164,21 @@ def _bandwidth(row: _Row) -> str:
     return f"{number_of_bytes(row.flow.bandwidth)}/s" if row.flow and not _state(row) else ""
 
 
-def _print_type(options: argparse.Namespace) -> int:
+def _print_type(options: argparse.Namespace) -> None:
     with connection(options, names_check(options, [options.topic]), needs_types=False) as found:
         topic = topic_of(options, options.topic, found, "out")
         print(_type(topic))
         if topic.route is None:
             print(f"the vehicle does not have {topic.name}", file=sys.stderr)
-    return DONE
 
 
-def _find(options: argparse.Namespace) -> int:
+def _find(options: argparse.Namespace) -> None:
     with connection(options, lambda package: _message_type(options, package), needs_types=False) as found:
         ros_type = _ros_type(options, found)
         names = sorted(route.name for route in found.vehicle.routes if route.ros_type == ros_type)
         print(*names, sep="\n", end="\n" if names else "")
         if not names:
             print(f"no topic of the vehicle has the message {ros_type}", file=sys.stderr)
-    return DONE
 
 
 def _ros_type(options: argparse.Namespace, found: Connection) -> str:

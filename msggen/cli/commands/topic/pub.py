@@ -11,7 +11,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted
-from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import SPELLINGS_IN, add_topic, named
 from msggen.cli.link import add_link, connection
 from msggen.cli.message import Values, add_values, read_values, settle
@@ -49,7 +48,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     return _pub
 
 
-def _pub(options: argparse.Namespace) -> int:
+def _pub(options: argparse.Namespace) -> None:
     if options.once and options.count:
         refuse(options, "argument --once: not allowed with argument -n/--count")
     values = read_values(options)
@@ -59,7 +58,6 @@ def _pub(options: argparse.Namespace) -> int:
             _message(options, values, topic)  # errors are told before the vehicle has told its definition
         message = _message(options, values, settle(found, topic))
         _repeat(lambda: found.vehicle.publish(message, topic.name), message, options)
-    return DONE
 
 
 @Deferred
