@@ -268,7 +268,7 @@ def _wait(vehicle: Vehicle, link: str, patience: float, check: Callable[[], obje
     def tell() -> None:
         print(f"waiting for a vehicle on {link}", file=sys.stderr, flush=True)
 
-    if check is not None and not _is_there(vehicle, min(_AT_ONCE, patience)):
+    if check is not None and not is_there(vehicle, min(_AT_ONCE, patience)):
         check()
     timer = threading.Timer(_NOTICE, tell)
     timer.daemon = True
@@ -280,7 +280,7 @@ def _wait(vehicle: Vehicle, link: str, patience: float, check: Callable[[], obje
         timer.cancel()
 
 
-def _is_there(vehicle: Vehicle, seconds: float) -> bool:
+def is_there(vehicle: Vehicle, seconds: float) -> bool:
     """Whether a vehicle connects within a time. Raises LinkError if the link has failed."""
     from msggen.link.link import LinkTimeoutError
 

@@ -107,7 +107,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
-    "--for": {"metavar": "SECONDS", "type": positive, "help": "end after this time"},
+    "--for": {"dest": "seconds", "metavar": "SECONDS", "type": positive, "help": "end after this time"},
     "--field": {
         "metavar": "PATH",
         "type": non_empty,

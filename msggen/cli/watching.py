@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from math import inf
 from typing import TYPE_CHECKING
 
 from msggen.cli.options import add_shared, add_value
@@ -54,21 +55,20 @@ def watching() -> Iterator[None]:
         discard_output()
 
 
-def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iterator[None]:
-    """Yield every `period` seconds until the time of the options is over: the last time at its end, at least `period`
-    after the time before.
+def rounds(seconds: float | None, vehicle: Vehicle, period: float) -> Iterator[None]:
+    """Yield every `period` seconds until the time is over: the last time at its end, at least `period` after the time
+    before. Without a time, do not end.
 
     Flushes the output after each round, and says on stderr when the vehicle disconnects and connects again. Raises
     LinkError if the link has failed.
     """
-    seconds = getattr(options, "for")  # a keyword
-    start = time.monotonic()
+    start, limit = time.monotonic(), seconds or inf
     number, was_connected = 0, True
     while True:
         number += 1
         due = start + number * period
-        is_last = seconds is not None and (number + 1) * period > seconds
-        rest = (start + seconds if is_last else due) - time.monotonic()
+        is_last = (number + 1) * period > limit
+        rest = (start + limit if is_last else due) - time.monotonic()
         if rest > 0:
             time.sleep(rest)
         else:

@@ -62,7 +62,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
 def _doctor(options: argparse.Namespace) -> int:
     options.output_format = "json" if options.json else options.output_format
     is_brief = options.output_format in _FOR_PEOPLE and not options.verbose
-    report = report_on(options, options.topics, getattr(options, "for") or _SECONDS, is_brief=is_brief)
+    report = report_on(options, options.topics, options.seconds or _SECONDS, is_brief=is_brief)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from math import inf
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
@@ -142,8 +143,7 @@ def _runner(options: argparse.Namespace, player: Player) -> Runner:
 
 def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
     """Run until all is sent or the time is over, and print what happens."""
-    duration = getattr(options, "for")  # a keyword
-    end = None if duration is None else runner.now + duration * 1e6
+    end = runner.now + (options.seconds or inf) * 1e6
     notice = None if options.quiet else runner.now + _NOTICE * 1e6
     status = Status(is_quiet=options.quiet)
 
@@ -152,9 +152,8 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
 
     try:
         with link_errors(options.to, has_owner=False):
-            while not player.is_done and (end is None or runner.now < end):
-                rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
-                runner.serve(rest, lambda: player.is_done)
+            while not player.is_done and runner.now < end:
+                runner.serve(min(_REFRESH, (end - runner.now) / 1e6), lambda: player.is_done)
                 if player.changes:
                     notice = None
                 elif notice is not None and runner.now >= notice:

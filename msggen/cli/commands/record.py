@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -242,11 +243,10 @@ class _Session:
 
     def _wait(self) -> None:
         """Wait for the end of the recording, and tell what happens."""
-        seconds = getattr(self._options, "for")  # a keyword
-        end = None if seconds is None else self._start + seconds
+        end = self._start + (self._options.seconds or inf)
         hashes, is_connected = self._definitions.hashes, True
-        while end is None or time.monotonic() < end:
-            if self._recorder.ended.wait(_REFRESH if end is None else min(_REFRESH, end - time.monotonic())):
+        while time.monotonic() < end:
+            if self._recorder.ended.wait(min(_REFRESH, end - time.monotonic())):
                 return
             self._losses.update()
             if self._definitions.is_complete():

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
+from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -102,15 +103,14 @@ def _connected(options: argparse.Namespace, package: ModuleType, label: str, log
 
 def _run(simulator: Simulator, options: argparse.Namespace) -> None:
     """Run until the time is over, and print what happens."""
-    seconds = getattr(options, "for")  # a keyword
-    end = None if seconds is None else simulator.now + seconds * 1e6
+    end = simulator.now + (options.seconds or inf) * 1e6
     status, state = Status(is_quiet=options.quiet), _State(simulator)
     needs_router = parse_address(options.address).link_type.has_router and not options.quiet
     notice = simulator.now + _NOTICE if needs_router else None
     try:
         with link_errors(options.address, has_owner=False):
-            while end is None or simulator.now < end:
-                simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+            while simulator.now < end:
+                simulator.serve(min(_REFRESH, (end - simulator.now) / 1e6))
                 status.show(*_changes(simulator), state=state.line)
                 if notice is not None and any(vehicle.is_connected for vehicle in simulator.vehicles):
                     notice = None
@@ -333,9 +333,8 @@ def fly_alone(options: argparse.Namespace, package: ModuleType, label: str, vehi
     from msggen.sim.alone import BOOT, LoneFlight
 
     flight = LoneFlight(package, vehicle, time.time_ns() // 1000)
-    seconds = getattr(options, "for") or _LONGEST  # a keyword
     with new_log(options, flight.topics, label) as log:
-        flight.run(log, BOOT + round(seconds * 1e6))
+        flight.run(log, BOOT + round((options.seconds or _LONGEST) * 1e6))
     if not options.quiet:
         print(f"{label}: a flight of {(flight.time - BOOT) / 1e6:.1f} s, to {contents_of(log)}")
     return DONE

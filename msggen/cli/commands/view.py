@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from logging import CRITICAL, getLogger
+from math import inf
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, input_error
@@ -77,7 +78,7 @@ def _show_vehicle(options: argparse.Namespace) -> None:
         view = LiveView(server, found.vehicle, found.package, _warn)
         with found.vehicle.watch(view), watching():
             _announce(options, server, f"{found.label} on {found.link}")
-            for _ in rounds(options, found.vehicle, _CHECK):
+            for _ in rounds(options.seconds, found.vehicle, _CHECK):
                 with suppress(NotConnectedError):
                     view.check()
                 server.draw_model(time.time_ns())
@@ -136,9 +137,8 @@ def _server(
 
 def _play(options: argparse.Namespace, view: RecordingView) -> None:
     """Play a recording until the time is over."""
-    seconds = getattr(options, "for")  # a keyword
-    end = None if seconds is None else time.monotonic() + seconds
-    while end is None or time.monotonic() < end:
+    end = time.monotonic() + (options.seconds or inf)
+    while time.monotonic() < end:
         view.advance()
         time.sleep(_SLICE)
 

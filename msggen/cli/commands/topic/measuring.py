@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
@@ -23,7 +22,7 @@ from msggen.show.report.json import dump
 if TYPE_CHECKING:
     from msggen.link.link import Route
     from msggen.messages.packages import Message
-    from msggen.vehicle.watch import Direction, Watcher
+    from msggen.vehicle.watch import Direction
 
 _PERIOD = 1.0
 _NOT_IN_SYNC = "not in sync"
@@ -31,32 +30,10 @@ _NO_RATE = "one sample"
 _SILENT = "silent"
 
 
-class _Measure(ABC):
-    """What an action measures, and how it says so."""
+class _Rates:
+    """What an action measures, and how it says so: `rows` for JSON, `cells` for a table, and `lines` of one topic."""
 
-    heads: ClassVar[Sequence[str]]
-    """The heads of the table about several topics."""
-    watcher: Watcher
-
-    @abstractmethod
-    def __init__(self, options: argparse.Namespace, found: Connection) -> None:
-        """Begin to measure."""
-
-    @abstractmethod
-    def rows(self, now: int) -> list[dict[str, Any]]:
-        """Return an object for each topic that was heard, for JSON. `now` is of `time.time_ns`."""
-
-    @abstractmethod
-    def cells(self, row: dict[str, Any]) -> list[str]:
-        """Return a row of the table."""
-
-    @abstractmethod
-    def lines(self, row: dict[str, Any]) -> str:
-        """Return the report on a single topic, as ROS 2 prints it."""
-
-
-class _Rates(_Measure):
-    heads = ("topic", "rate", "min", "max", "std dev", "window")
+    heads: ClassVar[Sequence[str]] = ("topic", "rate", "min", "max", "std dev", "window")
     values: ClassVar[Mapping[str, str]] = {
         "rate": "rate",
         "min": "shortest",
@@ -72,6 +49,7 @@ class _Rates(_Measure):
         self.watcher = self._meter = Meter(options.window)
 
     def rows(self, now: int) -> list[dict[str, Any]]:
+        """Return an object for each topic that was heard. `now` is of `time.time_ns`."""
         return [
             {"topic": each.route.name, **{key: finite(getattr(each, name)) for key, name in self.values.items()}}
             for each in self._meter.flows(now)
@@ -113,8 +91,8 @@ class _Bandwidths(_Rates):
         return f"{number_of_bytes(row['bandwidth'])}/s from {row['window']} messages\n\tMessage size {sizes}"
 
 
-class _Delays(_Measure):
-    heads = ("topic", "field", "delay", "min", "max", "std dev", "window")
+class _Delays:
+    heads: ClassVar[Sequence[str]] = ("topic", "field", "delay", "min", "max", "std dev", "window")
 
     def __init__(self, options: argparse.Namespace, found: Connection) -> None:
         from msggen.messages.lookup import endpoint_at
@@ -151,6 +129,9 @@ class _Delays(_Measure):
         if not row["in_sync"]:
             return f"average delay{of}: {_NOT_IN_SYNC}: the timestamps are not of this computer's time"
         return f"average delay{of}: {row['delay']:.4f}\n{_spread(row, 4)}"
+
+
+_Measure: TypeAlias = _Rates | _Delays
 
 
 def _without_rate(measure: _Measure, row: dict[str, Any]) -> list[str]:
@@ -215,7 +196,7 @@ def _measure(kind: type[_Measure], options: argparse.Namespace) -> int:
 
         direction: Direction = "both" if any(topic.direction == "in" for topic in topics) else "out"
         with found.vehicle.watch(watch, direction), watching():
-            for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD), 1):
+            for number, _ in enumerate(rounds(options.seconds, found.vehicle, _PERIOD), 1):
                 if number > 1 and len(names) != 1 and not options.json:
                     print()
                 _report(options, measure, names)

@@ -90,7 +90,7 @@ def _repeat(publish: Callable[[], None], message: Message, options: argparse.Nam
 
     number, most = 0, 1 if options.once else options.count
     start = due = time.monotonic()
-    end = start + (getattr(options, "for") or math.inf)
+    end = start + (options.seconds or math.inf)
     with watching():
         while number != most and due < end:
             time.sleep(max(0.0, due - time.monotonic()))
