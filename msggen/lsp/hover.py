@@ -1,8 +1,9 @@
-"""What an editor shows about a name under the cursor, in Markdown."""
+"""What an editor shows about a name: under the cursor, in Markdown, and between the words."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 from msggen.base.diagnostics import CODES, few
 from msggen.definitions.enumeration import Enumeration, enumerations
@@ -21,6 +22,8 @@ from msggen.show.report.table import named
 _WIDTH = 88
 _MOST_MEMBERS = 24
 """Maximum number of constants of an enum that are shown."""
+_MOST_HINTED = 4
+"""The number of members of an enum in a hint."""
 
 Before = Callable[[Message], tuple[Catalog, Message] | None]
 """Return a message in the last commit, and the catalog there; None if it is not known."""
@@ -184,3 +187,30 @@ def primitive(name: str) -> str:
         low, high = found.integer_range
         return f"`{name}`: {found.size} bytes, {low} to {high}"
     return f"`{name}`: {found.size} bytes" if found.size else f"`{name}`: text of any length"
+
+
+class Hint(NamedTuple):
+    """A text to show behind the name at a line and a column, which count from 1. `tip` is shown on request."""
+
+    line: int
+    column: int
+    text: str
+    tip: str = ""
+
+
+def hints(state: State, path: str) -> Iterator[Hint]:
+    """Yield the hints in a definition."""
+    for each in state.in_file(path):
+        message = state.complete(each)
+        layout = state.layout(message)
+        extents = layout.extents() if layout else {}
+        enums = {name: enum for enum in enumerations(message) for name in enum.fields}
+        for field in message.fields:
+            parts = [f"@{extents[field.name][0]}"] if field.name in extents else []
+            tip = ""
+            if enum := enums.get(field.name):
+                members = [f"{member.value} {member.name}" for member in enum.members]
+                parts.append(", ".join(members[:_MOST_HINTED]) + ("…" if len(members) > _MOST_HINTED else ""))
+                tip = "\n".join(members)
+            if parts:
+                yield Hint(field.location.line, field.name_column + len(field.name), " ".join(parts), tip)

@@ -50,7 +50,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
 def _breaking(options: argparse.Namespace) -> int:
     from msggen.check.compare.rules import with_remedies
     from msggen.check.run import breaking
-    from msggen.show.report.selection import selected_rules
+    from msggen.show.report.table import selected_rules
     from msggen.sources.history import VERSIONED
 
     settings = settings_of(options)

@@ -39,7 +39,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
 
 def _lint(options: argparse.Namespace) -> int:
     from msggen.check.run import lint
-    from msggen.show.report.selection import selected_rules
+    from msggen.show.report.table import selected_rules
 
     settings = settings_of(options)
     rules, ignored = selected_rules("lint", settings, options.select, options.ignore)
