@@ -93,16 +93,12 @@ def _hashes(state: State, message: Message, before: Before) -> Iterator[str]:
     own = _both(state.catalog, message)
     known = before(message)
     was = _both(*known) if known else own
-    lines = (f"{title} `{now}`" + (f", before `{then}`" if then != now else "") for title, now, then in _rows(own, was))
-    yield "  \n".join(lines)
+    rows = zip(("hash of the fields", "type hash"), own, was, strict=True)
+    yield "  \n".join(f"{title} `{now}`" + (f", before `{then}`" if then != now else "") for title, now, then in rows)
 
 
 def _both(catalog: Catalog, message: Message) -> tuple[str, str]:
     return f"{message_hash(catalog, message):#010x}", type_hash(catalog, message)
-
-
-def _rows(own: tuple[str, str], was: tuple[str, str]) -> Iterator[tuple[str, str, str]]:
-    yield from zip(("hash of the fields", "type hash"), own, was, strict=True)
 
 
 def _crossing(state: State, topic: str) -> str:
@@ -156,13 +152,10 @@ def _constant(message: Message, constant: Constant) -> Iterator[str]:
     yield f"**{constant.name}** `{constant.type}` = `{constant.value}` of {message.name}"
     if constant.comment.text:
         yield _text(constant.comment.text)
-    fields = [name for each in enumerations(message) for name in each.fields if _has(each, constant)]
+    own = [each for each in enumerations(message) if constant.name in {one.constant.name for one in each.members}]
+    fields = [name for each in own for name in each.fields]
     if fields:
         yield f"a value of {few(fields)}"
-
-
-def _has(enumeration: Enumeration, constant: Constant) -> bool:
-    return any(member.constant.name == constant.name for member in enumeration.members)
 
 
 def _members(enumeration: Enumeration) -> str:

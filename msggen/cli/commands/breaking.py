@@ -96,16 +96,10 @@ def _with_advice(report: Report) -> Report:
         return report
     from json import dumps
 
-    entries = [f"{_key(name)} = {dumps([*dict.fromkeys(ids)])}" for name, ids in rules.items()]
+    keyed = {name if name.isidentifier() else dumps(name): ids for name, ids in rules.items()}  # as keys of TOML
+    entries = [f"{key} = {dumps([*dict.fromkeys(ids)])}" for key, ids in keyed.items()]
     text = f"to accept it: rebuild the nodes that use these messages, and add {few(entries)}"
     return replace(report, advice=f"{text} to [tool.msggen.per-message-ignores] in pyproject.toml")
-
-
-def _key(name: str) -> str:
-    """Return the name of a message or a topic as a key of TOML."""
-    from json import dumps
-
-    return name if name.isidentifier() else dumps(name)
 
 
 def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from msggen.cli.link import add_link, connection
 from msggen.cli.message import add_timeout, add_values, read_values, wait_told
 from msggen.cli.options import Run, add_value, new_command, refuse
 from msggen.cli.values import non_empty
+from msggen.definitions.model import snake_case
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -57,7 +57,7 @@ def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
         refuse(options, "argument SERVICE: the firmware has no services: PX4 has one since v1.15")
     name = _plain((options.service or "").rpartition("/")[2])
     if name not in known:
-        names = " and ".join(f"'{_snake(each.__name__)}'" for each in known.values())
+        names = " and ".join(f"'{snake_case(each.__name__)}'" for each in known.values())
         refuse(options, f"argument SERVICE: no service '{options.service or ''}': there is {names}")
     return known[name]
 
@@ -73,7 +73,3 @@ def request_like(options: argparse.Namespace, names: Names) -> Mapping[str, Fiel
 def _plain(name: str) -> str:
     """Return a name without case and underscores: `VehicleCommand` and `vehicle_command` are the same."""
     return name.replace("_", "").lower()
-
-
-def _snake(name: str) -> str:
-    return re.sub("(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()

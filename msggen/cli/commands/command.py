@@ -137,6 +137,7 @@ def _send(options: argparse.Namespace, found: Connection) -> int:
 def _outcome(options: argparse.Namespace, found: Connection, name: str, message: Any) -> _Outcome:
     """Send the command, and wait for the answer."""
     from msggen.link.link import LinkTimeoutError
+    from msggen.messages.packages import package_of_class
     from msggen.vehicle.command import COMMAND, acknowledges, reasons_of, send_command
 
     def progress(answer: Any) -> None:
@@ -150,16 +151,9 @@ def _outcome(options: argparse.Namespace, found: Connection, name: str, message:
         answer = send_command(found.vehicle, message, options.timeout, progress)
     except LinkTimeoutError as error:
         return _Outcome("NONE", f"{error} for system {message.target_system}")
-    result = _result(answer)
+    result = str(package_of_class(type(answer)).meaning.of(answer, "result").name)  # or its number
     reasons = reasons_of(found.vehicle, message, f"`msggen command {_MODE} hold`") if result in _EXPLAINED else ()
     return _Outcome(result, _details(answer), answer, reasons)
-
-
-def _result(answer: Any) -> str:
-    """Return the result by name, or its number if the definition has no name for it."""
-    from msggen.messages.packages import package_of_class
-
-    return str(package_of_class(type(answer)).meaning.of(answer, "result").name)
 
 
 def _details(answer: Any) -> str:

@@ -57,11 +57,13 @@ def _play(options: argparse.Namespace) -> int:
     check_packages("R102")
     check_reading("R102")
     from msggen.exports.player import Player, endpoints_of
+    from msggen.recordings.log import opening
     from msggen.recordings.source.source import RecordingError
 
     options.to = agent_of(options, options.to)
     _check_client(options.to)
-    recording = _open(options)
+    with read_errors(options.file):
+        recording = opening.open(options.file)
     if options.start and options.start * 1e9 > recording.end - recording.start:
         options.parser.error(f"argument --start: the recording has {(recording.end - recording.start) / 1e9:.1f} s")
     endpoints = endpoints_of(recording, _choice(options, recording), options.key)
@@ -87,13 +89,6 @@ def _play(options: argparse.Namespace) -> int:
         return DONE
     print(f"no program answered at {options.to}: nothing was played", file=sys.stderr)
     return FINDINGS
-
-
-def _open(options: argparse.Namespace) -> Log:
-    from msggen.recordings.log import opening
-
-    with read_errors(options.file):
-        return opening.open(options.file)
 
 
 def _choice(options: argparse.Namespace, recording: Log) -> Choice:

@@ -81,7 +81,9 @@ def _render(options: argparse.Namespace) -> int:
     check_each(template, options.each, items)
     if options.output == _STDOUT:
         *texts, last = texts_of(template, items)
-        _print("".join(f"{text}\n" if text and text[-1] != "\n" else text for text in texts) + last)
+        whole = "".join(f"{text}\n" if text and text[-1] != "\n" else text for text in texts) + last
+        sys.stdout.flush()
+        sys.stdout.buffer.write(whole.encode())  # as it would be written to a file: in UTF-8, with the same line ends
         print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
         return DONE
     names = output_names(items, options.each, options.template, options.name)
@@ -122,12 +124,6 @@ def _check_options(options: argparse.Namespace) -> None:
     for other in others if options.output == _STDOUT else ():
         if getattr(options, other):
             options.parser.error(f"-o - writes no file: it cannot be combined with --{other.replace('_', '-')}")
-
-
-def _print(text: str) -> None:
-    """Print `text` as it would be written to a file: in UTF-8, with the same line ends."""
-    sys.stdout.flush()
-    sys.stdout.buffer.write(text.encode())
 
 
 def _report(options: argparse.Namespace, stale: Sequence[str], number: int, label: str) -> Iterator[str]:

@@ -76,7 +76,7 @@ def _print(comparison: Comparison, logs: Sequence[Log]) -> None:
     for side, place in zip(SIDES, (1, 2), strict=True):
         names = [each.name for each in comparison.parameters if each[3 - place] is None]
         _print_names("parameter", side, names)
-    _print_table("topic, Hz", comparison.rates, _rate)
+    _print_table("topic, Hz", comparison.rates, "{:.1f}".format)
     for side, topics in zip(SIDES, comparison.topics, strict=True):
         _print_names("topic", side, topics)
 
@@ -93,10 +93,6 @@ def _lines(told: Told) -> Iterator[str]:
             yield Styled(f"{front}: {level} {rule}: {printable(each.text)}{time}")
         if reason and not findings:
             yield printable(f"        {side} does not tell: {reason}")
-
-
-def _rate(value: Value) -> str:
-    return f"{value:.1f}"
 
 
 def _print_table(heading: str, rows: Sequence[Difference], form: Callable[[Value], str] | None = None) -> None:

@@ -138,6 +138,8 @@ def _of_many(options: argparse.Namespace) -> int:
         if getattr(options, name):
             refuse(options, f"argument {spelling}: only for a single recording")
     check_reading("R102")
+    from msggen.exports.fleet.examining import examine_all
+
     if options.output:
         check_parent(options.output)
     lines = {each["recording"]: each for each in _lines_before(options.output)} if options.output else {}
@@ -146,7 +148,7 @@ def _of_many(options: argparse.Namespace) -> int:
     is_told = not (options.output or options.json)
     with _written(options.output) as output, progress_bar(options) as show:
         try:
-            for number, line in enumerate(_examined(options, work), 1):
+            for number, line in enumerate(examine_all(work, options.jobs or os.cpu_count() or 1), 1):
                 levels[_worst(line)] += 1
                 if is_told:
                     print(printable(f"{line['recording']}: {_brief(line)}"))
@@ -172,12 +174,6 @@ def _work(options: argparse.Namespace, lines: Sequence[Mapping[str, Any]]) -> Wo
             return work_in(options.file, lines)
     except RecordingError as error:
         raise input_error(options.file, "R102", str(error), 0) from None
-
-
-def _examined(options: argparse.Namespace, work: Work) -> Iterator[Mapping[str, Any]]:
-    from msggen.exports.fleet.examining import examine_all
-
-    return examine_all(work, options.jobs or os.cpu_count() or 1)
 
 
 def _lines_before(path: str) -> Iterator[dict[str, Any]]:

@@ -158,7 +158,8 @@ def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
     from msggen.exports.fleet.layout import STATE
     from msggen.exports.fleet.records import original_of
 
-    failed = [f"{_shown_path(each.path)}: {_reason(each)}" for each in summary.failed]
+    reasons = {each.path: each.error.removeprefix(f"{each.path} ").removeprefix("is ") for each in summary.failed}
+    failed = [f"{_shown_path(path)}: {reason}" for path, reason in reasons.items()]
     incomplete = [f"{_shown_path(each.path)}: {_loss(each)}" for each in summary.incomplete]
     copies = [
         f"{_shown_path(each.path)}: has the contents of {_shown_path(original_of(each.record))}"
@@ -178,10 +179,6 @@ def _shown_path(path: str) -> str:
         return path if is_address(path) else os.path.relpath(path)
     except ValueError:
         return path
-
-
-def _reason(outcome: Outcome) -> str:
-    return outcome.error.removeprefix(f"{outcome.path} ").removeprefix("is ")
 
 
 def _loss(outcome: Outcome) -> str:

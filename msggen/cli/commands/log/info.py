@@ -55,7 +55,9 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
 def _info(options: argparse.Namespace) -> int:
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):
-            checksums = _verify(log) if options.verify else None
+            for _ in log.undecoded() if options.verify else ():
+                pass  # reading reports what is damaged
+            checksums = log.verify() if options.verify else None
             has_gaps = bool(options.gaps or options.verify or options.topic) or _has_few_chunks(log)
             topics = [log.topic(options.topic)] if options.topic else log.topics
             rows = [_row(log, topic, has_gaps=has_gaps) for topic in topics]
@@ -84,13 +86,6 @@ def _has_few_chunks(log: Log) -> bool:
     if log.contents is not None and is_address(log.path):
         return False
     return log.contents is None or log.contents.chunks <= _FEW_CHUNKS
-
-
-def _verify(log: Log) -> Checksums:
-    """Read all of a recording, which reports what is damaged, and compare its checksums."""
-    for _ in log.undecoded():
-        pass
-    return log.verify()
 
 
 def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[str, str]]:

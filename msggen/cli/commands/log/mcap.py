@@ -75,7 +75,8 @@ def _merge(options: argparse.Namespace) -> int:
     target = options.output or f"merged{MCAP}"
     if len(options.files) == 1:
         options.parser.error("expected several recordings, found one")
-    twice = [path for path, count in Counter(map(_place, options.files)).items() if count > 1]
+    places = [path if is_address(path) else os.path.realpath(path) for path in options.files]
+    twice = [path for path, count in Counter(places).items() if count > 1]
     if twice:
         name = shown_address(twice[0]) if is_address(twice[0]) else os.path.relpath(twice[0])
         options.parser.error(f"{name} is named twice: its samples would be written twice")
@@ -87,11 +88,6 @@ def _merge(options: argparse.Namespace) -> int:
         return code_of(
             written(options, target, lambda progress: _named(join(logs, target, progress=progress), inputs, target))
         )
-
-
-def _place(path: str) -> str:
-    """Return the path of a file without links, or an address."""
-    return path if is_address(path) else os.path.realpath(path)
 
 
 def _named(converted: Converted, inputs: Iterable[tuple[str, Log]], target: str) -> Converted:

@@ -81,7 +81,8 @@ def _plot(options: argparse.Namespace) -> int:
             if is_drawn:
                 _run(options, found, curves)
             else:
-                _wait(options, found, curves)
+                for _ in rounds(options.seconds or options.window, found.vehicle, _PERIOD):
+                    curves.take()
         return _finish(options, curves.plot(), is_drawn=is_drawn)
 
 
@@ -242,12 +243,6 @@ def _screen(head: Sequence[Text], plot: Plot, width: int, height: int, *, is_pau
     for line in (*head, keys):
         line.truncate(width, overflow="ellipsis")
     return lines[-height:]
-
-
-def _wait(options: argparse.Namespace, found: Connection, curves: _Curves) -> None:
-    """Take samples for the time of the options."""
-    for _ in rounds(options.seconds or options.window, found.vehicle, _PERIOD):
-        curves.take()
 
 
 def _finish(options: argparse.Namespace, plot: Plot, *, is_drawn: bool) -> int:
