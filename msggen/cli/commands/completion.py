@@ -170,9 +170,10 @@ def _rules(_: argparse.Namespace) -> Iterable[str]:
 
 def _explained(options: argparse.Namespace) -> Iterable[str]:
     from msggen.base.diagnostics import CODES
+    from msggen.show.report.explained import OF_COMMANDS
     from msggen.show.report.rules import MARKS
 
-    return [*_rules(options), *(mark for mark in MARKS if " " not in mark), *CODES]
+    return [*_rules(options), *(each for each in (*MARKS, *OF_COMMANDS) if " " not in each), *CODES]
 
 
 _NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {

@@ -29,12 +29,12 @@ def _add_rules(parser: argparse.ArgumentParser) -> Run:
 
 @new_command(
     "explain",
-    "explain a rule, a category, a mark or an error code",
+    "explain a rule, a category, a mark or an error code, or list the rules of a command",
     "Explain a rule with its purpose, an example and a fix, or a category of rules, a mark of findings "
-    "such as 'silent both ways', or an error code.",
+    "such as 'silent both ways', or an error code; or list the rules of check, breaking, lint, doctor or findings.",
 )
 def _add_explain(parser: argparse.ArgumentParser) -> Run:
-    text = "rule, category, mark or error code, such as FIELD_MOVED, WIRE, handled or M301"
+    text = "rule, category, mark, error code or command, such as FIELD_MOVED, WIRE, handled, M301 or doctor"
     add_value(parser, "rule", "RULE", non_empty, text)
     return _explain
 
