@@ -100,13 +100,6 @@ def test_every_argument_has_help_in_the_same_style(command: str) -> None:
         assert re.match(r"[a-z.]|C\+\+|B\b", action.help), action.help
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_help_of_every_command_can_be_printed(command: str) -> None:
-    outcome = run([*command.split(), "--help"])
-    assert outcome.code == 0
-    assert "--dry-run" not in outcome.stdout
-
-
 @pytest.mark.parametrize("columns", ["80", "200"])
 def test_the_help_lists_each_command_in_a_line(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", columns)

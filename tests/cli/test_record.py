@@ -17,7 +17,6 @@ from typing import Any
 import pytest
 
 from msggen import recordings
-from msggen.base.missing import installing
 from msggen.cli import main
 from msggen.exports.writer import Channel, Writer
 from msggen.link.xrce import client
@@ -26,7 +25,6 @@ from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sim.endpoints import object_ids_of
 from support.commands import run
 from support.examples import by_day
-from support.imports import forget
 from support.ports import free_port
 from support.recordings import START, Found, check_decoded, check_read, read_mcap
 from support.repository import ROOT
@@ -209,16 +207,6 @@ def test_errors_have_codes(words: list[str], text: str, here: Path, capsys: pyte
     assert main(words) == 2
     assert text in capsys.readouterr().err
     assert (here / "taken.mcap").read_text() == "mine"
-
-
-def test_a_package_that_is_missing_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    forget(monkeypatch, "mcap")
-    monkeypatch.setitem(sys.modules, "mcap", None)
-    for words in (["record"], ["play", "a.mcap"]):
-        assert main(words) == 2
-        assert f"this package is not installed: {installing('recordings')}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

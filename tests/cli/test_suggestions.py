@@ -105,6 +105,10 @@ def test_the_words_of_other_programs_have_hints(line: str, hint: str) -> None:
         ("mode list", "argument COMMAND: no command 'mode': `msggen command mode NAME`"),
         ("interface show x", "argument COMMAND: no command 'interface': `msggen topic info TOPIC` shows the fields"),
         ("replay x", "argument COMMAND: no command 'replay': `msggen play FILE` plays a recording"),
+        (
+            "check a --output-format jsn",
+            "argument --output-format: invalid choice: 'jsn', did you mean 'json'?",
+        ),
         ("recrod", "argument COMMAND: invalid choice: 'recrod', did you mean 'record'? (choose from build, "),
         ("echo", "argument COMMAND: invalid choice: 'echo', did you mean 'topic echo'? (choose from build, "),
         ("nonsense", "argument COMMAND: invalid choice: 'nonsense' (choose from build, "),

@@ -518,20 +518,6 @@ def test_explain_suggests_categories_and_codes(wrong: str, said: str, capsys: py
 # --- the command line
 
 
-@pytest.mark.parametrize(
-    ("arguments", "wrong", "meant"),
-    [
-        (["synch"], "synch", "sync"),
-        (["brekaing"], "brekaing", "breaking"),
-        (["check", "a", "--output-format", "jsn"], "jsn", "json"),
-    ],
-)
-def test_the_nearest_command_is_suggested(arguments: list[str], wrong: str, meant: str) -> None:
-    outcome = run(arguments)
-    assert outcome.code == 2
-    assert f": invalid choice: '{wrong}', did you mean '{meant}'? (choose from " in outcome.stderr.splitlines()[0]
-
-
 @pytest.mark.slow
 @by_day(
     ("arguments", "code"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import NamedTuple
+from operator import itemgetter
 
 from msggen.cli.options import Run, new_command
 from msggen.cli.table import DIM, Column, print_table
@@ -29,25 +29,14 @@ def add_to(_: argparse.ArgumentParser) -> Run:
 def _releases(_: argparse.Namespace) -> None:
     from msggen.sources.embedded import EMBEDDED
 
-    print_table(_COLUMNS, [_Row(release, counts(release), is_default=release == EMBEDDED[0]) for release in EMBEDDED])
-
-
-class _Row(NamedTuple):
-    """A release, and its numbers of messages, services, topics and endpoints."""
-
-    release: str
-    counts: tuple[int, ...]
-    is_default: bool
-
-
-_COLUMNS: tuple[Column[_Row], ...] = (
-    Column("", "release", lambda row: row.release),
-    Column("", "messages", lambda row: row.counts[0], align=">"),
-    Column("", "services", lambda row: row.counts[1], align=">"),
-    Column("", "topics", lambda row: row.counts[2], align=">"),
-    Column("", "endpoints", lambda row: row.counts[3], align=">"),
-    Column("", " ", lambda row: "default" if row.is_default else "", style=lambda _: DIM),
-)
+    numbers = ("messages", "services", "topics", "endpoints")
+    columns = [
+        Column("", "release", itemgetter(0)),
+        *(Column("", name, itemgetter(place), align=">") for place, name in enumerate(numbers, 1)),
+        Column("", " ", itemgetter(5), style=lambda _: DIM),
+    ]
+    default = dict.fromkeys(EMBEDDED, "") | {EMBEDDED[0]: "default"}
+    print_table(columns, [(release, *counts(release), default[release]) for release in EMBEDDED])
 
 
 def counts(release: str) -> tuple[int, ...]:
