@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
-from logging import ERROR, getLogger
+from logging import ERROR
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error, printable
@@ -16,7 +16,7 @@ from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import non_empty
-from msggen.cli.watching import watching
+from msggen.cli.watching import telling, watching
 from msggen.link.link import LinkError
 from msggen.vehicle.fleet import clashes, sort
 from msggen.vehicle.hub import OTHERS
@@ -67,7 +67,7 @@ def add_to(commands: Commands) -> None:
 
 def _relay(options: argparse.Namespace) -> int:
     _check_ros(needs_types=not options.standard)
-    with connection(options) as found:
+    with telling(ERROR, OTHERS), connection(options) as found:  # the others are carried, too
         _run(options, found)
     return DONE
 
@@ -100,7 +100,6 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
     """Carry samples of all vehicles until Ctrl-C. Raises InputError if there is nothing to carry."""
     from msggen.ros.relay import interrupt_at_end
 
-    getLogger(OTHERS).setLevel(ERROR)  # they are carried, too
     carriers, begun = _Carriers(options, found), time.monotonic()
     try:
         with watching(), _started(), interrupt_at_end() as is_interrupted, closing(carriers):

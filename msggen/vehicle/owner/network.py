@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 from msggen.link.address import Address
-from msggen.link.age import AHEAD, LATE_OR_BEHIND, LONGEST_NS, expiry, now
+from msggen.link.age import LONGEST_NS, expiry, now
 from msggen.link.aside import Aside
 from msggen.link.link import Link, LinkError, Remote, Route, Service
 from msggen.link.rmw_zenoh.connection import Connection
@@ -27,12 +27,13 @@ from msggen.link.rmw_zenoh.names import (
     beat_of,
     carrier_of,
     gid_of,
+    is_since_1970,
     key_of_carried,
     parse_attachment,
     parse_token,
     place_in,
 )
-from msggen.link.rmw_zenoh.waiting import Waiting
+from msggen.link.waiting import Waiting
 from msggen.messages.firmware import Firmware
 from msggen.messages.packages import Packages
 from msggen.vehicle.entries import Entries
@@ -457,10 +458,8 @@ class Network:
             return
         try:
             data = topic.message.decode(payload).encode()
-            waited = self._waiting.of((name, told.gid), told.time, arrived, until - LONGEST_NS)
-            if waited is None or waited > LONGEST_NS:
-                self.refusals.add(name, AHEAD if waited is None else LATE_OR_BEHIND)
-                return
+            published_by = arrived if is_since_1970(told.time) else until - LONGEST_NS
+            waited = self._waiting.of((name, told.gid), published_by - told.time, arrived, until - LONGEST_NS)
             self._link.publish(vehicle.entry.remote, topic.route, data, until - waited)
         except (LinkError, ValueError) as error:
             self.refusals.add(name, error)
