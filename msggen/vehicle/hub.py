@@ -9,7 +9,7 @@ from logging import getLogger
 
 from msggen.base.diagnostics import counted
 from msggen.link.age import LATE
-from msggen.link.link import Link, Publisher, Remote, Route, Service, StaleError
+from msggen.link.link import Link, Listener, Publisher, Remote, Route, Service, StaleError
 from msggen.messages.packages import Decoding, NamedTopic, size_of
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry, Member, Row
@@ -22,7 +22,7 @@ OTHERS = "msggen.live.others"
 """The logger that warns of further vehicles, which a program of several vehicles does not need."""
 
 
-class Hub:
+class Hub(Listener):
     """The listener of a link."""
 
     def __init__(self, link: Link) -> None:
@@ -30,7 +30,7 @@ class Hub:
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries = Entries(link, self.changed, self.evaluate, self._tell_all_missing)
-        self.sample = self.entries.sample
+        self.sample = self.entries.sample  # type: ignore[method-assign]
         """Gives a sample to the subscriptions. It is no method, for speed."""
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
