@@ -14,7 +14,7 @@ from msggen.messages.packages import Decoding, NamedTopic, size_of
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry, Member, Row
 from msggen.vehicle.feed import Feed, Item, check_outside_callback
-from msggen.vehicle.selection import order, shown, why_missing
+from msggen.vehicle.selection import order, why_missing
 from msggen.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -69,7 +69,7 @@ class Hub(Listener):
             for member in self.members:
                 if member.entry is entry:
                     member.entry, member.reason = None, reason
-                    LOGGER.info("%s disconnected: %s", shown(remote), reason)
+                    LOGGER.info("%s disconnected: %s", remote, reason)
                     for other in reversed(tuple(self.entries.values())):
                         self._offer(member, other)
             self.changed.notify_all()
@@ -122,7 +122,7 @@ class Hub(Listener):
             if not has_route and id(feed) not in member.told:
                 member.told.add(id(feed))
                 why = why_missing(entry.remote, feed.topic.namespace)
-                LOGGER.warning("%s has no topic '%s': %s", shown(entry.remote), feed.topic.name, why)
+                LOGGER.warning("%s has no topic '%s': %s", entry.remote, feed.topic.name, why)
 
     # any thread
 
@@ -246,7 +246,7 @@ class Hub(Listener):
 
     def _take(self, member: Member, entry: Entry) -> None:
         member.entry, member.last = entry, entry.remote
-        LOGGER.info("%s connected", shown(entry.remote))
+        LOGGER.info("%s connected", entry.remote)
         for feed in member.feeds:
             feed.error = None
             entry.check.prefer(feed.topic.message.__msg__.ros_type)

@@ -18,7 +18,7 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import non_empty
 from msggen.cli.watching import telling, watching
 from msggen.link.link import LinkError
-from msggen.vehicle.fleet import clashes, sort
+from msggen.vehicle.fleet import sort
 from msggen.vehicle.hub import OTHERS
 from msggen.vehicle.selection import is_same
 
@@ -140,9 +140,8 @@ class _Carriers:
         deadline = time.monotonic() + _OTHERS
         while not self._found.vehicle.is_settled and time.monotonic() < deadline and not is_interrupted():
             time.sleep(SLICE)
-        found = clashes(self._present())
-        if found:
-            raise input_error(self._found.link, "L105", found[0], 0)
+        for _, reason in sort((), self._present()).refused:
+            raise input_error(self._found.link, "L105", reason, 0)
 
     def look(self) -> None:
         """Carry vehicles that have connected. Raises the error of a vehicle that cannot be carried, if it is alone."""

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Final
 from msggen.link.link import Remote
 from msggen.link.rmw_zenoh.names import Token, key_of_carried, parse_token, place_in
 from msggen.vehicle.fleet import NAMESPACES, Sorted, sort
-from msggen.vehicle.selection import shown
 
 if TYPE_CHECKING:
     from msggen.link.rmw_zenoh.session import Session
@@ -74,7 +73,7 @@ class Namespaces:
             if tokens is None and remote.namespace not in self._left:
                 free.append(remote)
             elif tokens is not None and remote not in carried:
-                refused.append((remote, f"{shown(remote)}: {taken(remote.namespace, next(iter(tokens.values())))}"))
+                refused.append((remote, f"{remote}: {taken(remote.namespace, next(iter(tokens.values())))}"))
         found = sort(carried, free, NAMESPACES)
         return Sorted(found.new, (*refused, *found.refused))
 

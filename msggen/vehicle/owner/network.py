@@ -37,7 +37,6 @@ from msggen.vehicle.owner.namespaces import Namespaces, comes_first, taken
 from msggen.vehicle.owner.network_topics import Flow, OnNetwork, Topic, domain_of_ros, topics_of
 from msggen.vehicle.owner.owner import LOGGER
 from msggen.vehicle.refusals import Refusals
-from msggen.vehicle.selection import shown
 
 if TYPE_CHECKING:
     from msggen.link.rmw_zenoh.session import Question, Session
@@ -300,7 +299,7 @@ class Network(Listener):
         self._withdraw(vehicle)
         vehicle.topics = topics
         self._declare(vehicle)
-        LOGGER.info("%s is on the network, with %d topics", shown(entry.remote), len(topics))
+        LOGGER.info("%s is on the network, with %d topics", entry.remote, len(topics))
         if missing:
             names = ", ".join(sorted(missing))
             cure = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
@@ -342,7 +341,7 @@ class Network(Listener):
         vehicle = self._vehicles.pop(number, None)
         if vehicle is not None:
             if vehicle.declared:
-                LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
+                LOGGER.info("%s is no longer on the network", vehicle.entry.remote)
             self._withdraw(vehicle)
         self._sort()
 
