@@ -11,7 +11,7 @@ from typing import NamedTuple
 from msggen.base.diagnostics import either
 from msggen.base.disk.urls import is_address
 from msggen.base.recording_formats import FORMATS
-from msggen.exports.fleet.listing import State, copied, find_stored, is_listed, listed_state
+from msggen.exports.fleet.listing import State, copied, find_stored
 from msggen.recordings.files.paths import is_always_whole, is_bag, is_named_as_recording
 from msggen.recordings.source.source import RecordingError
 
@@ -24,6 +24,8 @@ class Found(NamedTuple):
     path: str
     error: str = ""
     """Why it cannot be read: a link to a missing file, or a folder that may not be opened."""
+    listed: State | None = None
+    """The state of one in a store, as it was listed."""
 
 
 class _Folder(NamedTuple):
@@ -45,7 +47,7 @@ def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
     The folder `without` is left out. `folder` can be an address in a store.
     """
     if is_address(folder):
-        yield from (Found(address) for address in find_stored(folder, without))
+        yield from (Found(address, listed=state) for address, state in sorted(find_stored(folder, without).items()))
         return
     left_out = _identity(without) if os.path.isdir(without) else None
     way = [_opened(folder)]  # no recursion: the system allows longer paths than Python nested calls
@@ -98,9 +100,7 @@ def _found(entry: os.DirEntry[str]) -> Iterator[Found]:
 
 
 def state_of(path: str) -> State:
-    """Return the state of a recording. That of one in a store is as it was listed. Raises OSError."""
-    if is_address(path):
-        return listed_state(path)
+    """Return the state of a recording on this computer. Raises OSError."""
     stats = [os.stat(each) for each in _files(path)]
     return State(sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0))
 
@@ -118,13 +118,6 @@ def digest_of(path: str) -> str:
             while block := file.read(_BLOCK):
                 digest.update(block)
     return digest.hexdigest()
-
-
-def is_there(path: str) -> bool:
-    """Whether there is still something at the path of a recording. One in a store is there if no list lacks it."""
-    if is_address(path):
-        return is_listed(path)
-    return os.path.lexists(path)
 
 
 @contextmanager

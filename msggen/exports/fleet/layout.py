@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 STATE = "_msggen"
 """The folder of what is beside the data. Engines skip names that begin with an underscore."""
-STAGE = ".stage"
-"""The suffix of a folder in which the files of a run wait until they are part of the fleet."""
 KEYS = ("vehicle", "date")
 """What rows can be sorted by, before all else."""
 UNKNOWN = "unknown"
@@ -31,7 +29,7 @@ DIGITS = 8
 
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]+")
 _PLACE = re.compile(r"[A-Za-z0-9-][\w.-]*/\d{6,12}-[0-9a-f]{8}(?:-\d{1,6}){0,2}\.parquet", re.ASCII)
-_STAGE = re.compile(rf"[0-9a-f]{{8}}{re.escape(STAGE)}")
+_STAGE = re.compile(rf"{STATE}/[0-9a-f]{{8}}\.stage")
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?!\d)")
 _LOGGER = "[logger] "
 """The front of PX4's line that names its log: `[logger] /fs/microsd/log/2026-01-12/10_23_26.ulg`."""
@@ -56,9 +54,9 @@ class Keys(NamedTuple):
     instance: int
 
 
-def keys_of(place: Place, values: Mapping[str, str], log: str) -> Keys:
-    """Return the keys of a topic in a recording. `values` are those of KEYS."""
-    return Keys(values["vehicle"], values["date"], log, place.namespace or NONE, place.instance)
+def keys_of(place: Place, *, vehicle: str, date: str, log: str) -> Keys:
+    """Return the keys of a topic in a recording."""
+    return Keys(vehicle, date, log, place.namespace or NONE, place.instance)
 
 
 def order_of(by: Sequence[str]) -> tuple[str, ...]:
@@ -79,8 +77,13 @@ def topic_of(place: str) -> str:
     return place.partition("/")[0]
 
 
+def stage_of(run: str) -> str:
+    """Return the stage of a run: in a folder, where its files wait until they are part of the fleet."""
+    return f"{STATE}/{run}.stage"
+
+
 def is_stage(name: str) -> bool:
-    """Whether this is the name of the stage of a run."""
+    """Whether this is the stage of a run."""
     return _STAGE.fullmatch(name) is not None
 
 

@@ -5,7 +5,6 @@ Stores have no folders. What is between the slashes of addresses is taken for th
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import os
 import tempfile
@@ -34,12 +33,10 @@ class State(NamedTuple):
 
 _DIGITS = 15
 """The hexadecimal digits of a digest that a number of a state has."""
-_lists: dict[str, dict[str, State]] = {}
-"""The recordings below the folders that were listed last, by their addresses."""
 
 
-def find_stored(folder: str, without: str = "") -> list[str]:
-    """Return the addresses of all recordings below a folder of a store, sorted. Raises StoreError.
+def find_stored(folder: str, without: str = "") -> dict[str, State]:
+    """Return the states of all recordings below a folder of a store, by address. Raises StoreError.
 
     The folder `without` is left out.
     """
@@ -58,8 +55,7 @@ def find_stored(folder: str, without: str = "") -> list[str]:
         for name, each in objects.items():
             if is_named_as_recording(name) and (not is_one or is_always_whole(name)):
                 found[each.address] = _state([each])
-    _lists[folder] = found
-    return sorted(found)
+    return found
 
 
 def is_folder(address: str) -> bool:
@@ -75,20 +71,6 @@ def is_folder(address: str) -> bool:
     folder = store.canonical(address)
     objects = _by_name(store.folder(folder))
     return not _is_bag(store, folder, objects) and store.has_below(folder)
-
-
-def listed_state(address: str) -> State:
-    """Return the state of a recording as it was listed. Raises FileNotFoundError if it was not."""
-    for found in _lists.values():
-        if address in found:
-            return found[address]
-    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), address)
-
-
-def is_listed(address: str) -> bool:
-    """Whether a recording was listed, or its folder was not."""
-    lists = [found for folder, found in _lists.items() if address.startswith(f"{folder}/")]
-    return not lists or any(address in found for found in lists)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from msggen.base.interpreter import command_of
 from msggen.base.missing import installed_by
-from msggen.exports.fleet.batch import Batch, Outcome, Task, convert_batch
+from msggen.exports.fleet.batch import Batch, Task, convert_batch
 
 TaskT = TypeVar("TaskT")
 ResultT = TypeVar("ResultT")
@@ -32,19 +32,8 @@ def in_this_process(tasks: Sequence[Task]) -> Iterator[Batch]:
 
 def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Batch]:
     """Convert recordings in `jobs` processes. If one is killed, as for want of memory, the others go on."""
-    killed: list[Task] = []
     for task, batch in results_of(convert_batch, tasks, jobs):
-        if batch is None:
-            killed += task.single()
-        else:
-            yield batch
-    for task, batch in results_of(convert_batch, killed, 1):  # alone: the others may have had the memory that it needs
-        yield batch or failed(task, "the process that converted it was killed")
-
-
-def failed(task: Task, error: str) -> Batch:
-    """Return what became of recordings whose conversion has ended."""
-    return Batch(task, [Outcome(path, error=error) for path in task.paths])
+        yield batch or Batch(task, failed="the process that converted it was killed")
 
 
 def results_of(
@@ -129,15 +118,7 @@ def on_client(tasks: Sequence[Task], client: Any) -> Iterator[Batch]:
     with installed_by(_DASK):
         from distributed import as_completed
     futures = {client.submit(convert_batch, task, pure=False): task for task in tasks}
-    for future in (waiting := as_completed(futures, loop=client.loop)):
-        error, task = future.exception(), futures[future]  # as of a worker that was killed, again and again
-        if error is None:
-            yield future.result()
-        elif len(task.paths) > 1:
-            for single in task.single():
-                again = client.submit(convert_batch, single, pure=False)
-                futures[again] = single
-                waiting.add(again)
-        else:
-            yield failed(task, f"{type(error).__name__}: {error}")
+    for future in as_completed(futures, loop=client.loop):
+        error = future.exception()  # as of a worker that was killed, again and again
+        yield Batch(futures[future], failed=f"{type(error).__name__}: {error}") if error else future.result()
         future.release()

@@ -205,7 +205,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     size = number_of_bytes(sum(each.size for each in summary.written))
     converted = (
         f"{counted(len(done), 'recording')} converted in {seconds:.1f} s, "
-        f"{counted_samples(sum(each.rows for each in done))} in {files}, {size}"
+        f"{counted_samples(sum(each.samples for each in done))} in {files}, {size}"
     )
     yield f"{fleet}: {converted if done else 'nothing new'}"
     for number, text in (
