@@ -234,15 +234,22 @@ def test_names_of_outputs(here: Path, px4_types: Any, capsys: pytest.CaptureFixt
     assert [name.rpartition("-")[0] for name in logs_in(here / "fleet")] == ["10.02.11"]
 
 
-def test_without_dask(here: Path) -> None:
-    (here / "distributed.py").write_text("raise ImportError('none', name='distributed')")
+@pytest.mark.parametrize(
+    ("package", "extra", "words"),
+    [
+        ("distributed", "dask", ["convert", "logs", "--dask", "tcp://127.0.0.1:9"]),
+        ("pyarrow", "recordings", ["compact", "fleet"]),
+    ],
+)
+def test_without_an_extra_the_error_names_it(here: Path, package: str, extra: str, words: list[str]) -> None:
+    (here / f"{package}.py").write_text(f"raise ImportError('none', name='{package}')")
     done = subprocess.run(
-        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", "convert", "logs",
-         "--dask", "tcp://127.0.0.1:9"],
+        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", *words],
         env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == FAILED
-    assert re.match(r"distributed: R150 this package is not installed: \S+ install -e '.*\[dask\]'\n", done.stderr)
+    text = rf"{package}: R150 this package is not installed: \S+ install -e '.*\[{extra}\]'\n"
+    assert re.match(text, done.stderr)
 
 
 def compact(*words: str) -> int:
@@ -283,13 +290,3 @@ def test_what_cannot_be_compacted_is_named(here: Path, capsys: pytest.CaptureFix
     told = capsys.readouterr().err
     assert told.startswith(f"fleet: R150 sensor_gps/{path.name}: the file is damaged (")
     assert told.endswith("): remove it, and `msggen log convert` converts its recordings again\n1 error\n")
-
-
-def test_without_pyarrow_nothing_is_compacted(here: Path) -> None:
-    (here / "pyarrow.py").write_text("raise ImportError('none', name='pyarrow')")
-    done = subprocess.run(
-        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", "compact", "fleet"],
-        env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == FAILED
-    assert re.match(r"pyarrow: R150 this package is not installed: \S+ install -e '.*\[recordings\]'\n", done.stderr)

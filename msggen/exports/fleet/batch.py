@@ -127,9 +127,8 @@ def _tables(task: Task, path: str, copy: str, state: State, aside: str) -> tuple
     name = task.names.get(path) or name_of(path, digest)
     with opening.open(copy) as log:
         converted = write_tables(log, aside, Format("arrow", packing="lz4"), EVERYTHING, lambda _: None)
-        dated = date_of(log, path)
-        vehicle = vehicle_of(log)
-        own = partial(keys_of, vehicle=vehicle, date=dated.day, log=name)
+        vehicle, (day, date_from) = vehicle_of(log), date_of(log, path)
+        own = partial(keys_of, vehicle=vehicle, date=day, log=name)
         places = _places(log)
         found = [(file, places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
         runs = [(place.name, run_of_arrow(file, own(place))) for file, place in found]
@@ -138,7 +137,7 @@ def _tables(task: Task, path: str, copy: str, state: State, aside: str) -> tuple
         record = Record(
             log=name,
             vehicle=vehicle,
-            date=dated.day,
+            date=day,
             firmware=log.firmware.release or None,
             start=start if start is not None and is_utc(start) else None,
             utc_offset=offset,
@@ -146,7 +145,7 @@ def _tables(task: Task, path: str, copy: str, state: State, aside: str) -> tuple
             samples=converted.rows,
             problems=[_line(problem).replace(copy, path) for problem in converted.problems],
             notes=[note.replace(copy, path) for note in converted.notes],
-            date_from=dated.origin,
+            date_from=date_from,
             digest=digest,
             paths={path: state},
         )

@@ -37,13 +37,6 @@ _LONGEST = 80
 _YEAR_2001, _YEAR_2100 = 978_307_200 * 10**9, 4_102_444_800 * 10**9
 
 
-class Dated(NamedTuple):
-    """The day of a recording, in UTC, and where it comes from, one of ORIGINS."""
-
-    day: str
-    origin: str
-
-
 class Keys(NamedTuple):
     """The columns in front of those of a topic: of which recording a row is. They are strings, and an int32."""
 
@@ -119,8 +112,10 @@ def vehicle_of(log: Log) -> str:
     return f"px4-{cleaned(log.vehicle)}" if log.vehicle else UNKNOWN
 
 
-def date_of(log: Log, path: str) -> Dated:
-    """Return the day of a recording: by GPS, by the name of the file or its folder, or by the clock of the recorder.
+def date_of(log: Log, path: str) -> tuple[str, str]:
+    """Return the day of a recording in UTC, and where it comes from, one of ORIGINS.
+
+    It is that of GPS, of the name of the file or its folder, or of the clock of the recorder.
 
     A line of the vehicle's log has the name that the file had on the vehicle, in a folder with the date.
     """
@@ -129,14 +124,14 @@ def date_of(log: Log, path: str) -> Dated:
     if offset is not None:
         day = _day(log.start + offset) or _day(log.end + offset)  # a first sample can have the time 0
         if day:
-            return Dated(day, "gps")
+            return day, "gps"
     lines = (text.text for text in log.facts.texts if text.text.startswith(_LOGGER))
     for name in (os.path.basename(path), os.path.basename(os.path.dirname(path)), *lines):
         day = day_in(name)
         if day:
-            return Dated(day, "name")
+            return day, "name"
     day = "" if is_of_ulog else _day(log.start)
-    return Dated(day, "clock") if day else Dated(UNKNOWN, UNKNOWN)
+    return (day, "clock") if day else (UNKNOWN, UNKNOWN)
 
 
 def day_in(name: str) -> str:

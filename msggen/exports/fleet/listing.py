@@ -19,7 +19,8 @@ from msggen.recordings.files.stored import local_name
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
 from msggen.recordings.stores.errors import NoObjectError
-from msggen.recordings.stores.store import Store, Stored
+from msggen.recordings.stores.server import Stored
+from msggen.recordings.stores.store import Store
 
 
 class State(NamedTuple):

@@ -156,40 +156,29 @@ def shapes_of(items: Iterable[tuple[pa.Schema, _T]]) -> list[tuple[pa.Schema, li
     for schema, item in items:
         text = schema.serialize().to_pybytes()
         if text not in known:
-            fits = (number for number, (shape, _) in enumerate(shapes) if agrees(shape, schema))
-            known[text] = number = next(fits, len(shapes))
+            fits = ((number, _united(shape, schema)) for number, (shape, _) in enumerate(shapes))
+            number, united = next((each for each in fits if each[1] is not None), (len(shapes), schema))
             if number == len(shapes):
-                shapes.append((schema, []))
-            else:
-                shapes[number] = (_united(shapes[number][0], schema), shapes[number][1])
+                shapes.append((united, []))
+            shapes[number] = (united, shapes[number][1])
+            known[text] = number
         shapes[known[text]][1].append(item)
     return shapes
 
 
-def agrees(one: pa.Schema, other: pa.Schema) -> bool:
-    """Whether the columns that both have are of the same type and unit."""
-    for field in other:
-        index = one.get_field_index(field.name)
-        if index >= 0:
-            known = one.field(index)
-            units = {(each.metadata or {}).get(b"unit", b"") for each in (known, field)} - {b""}
-            if known.type != field.type or len(units) > 1:
-                return False
-    return True
-
-
-def _united(one: pa.Schema, other: pa.Schema) -> pa.Schema:
-    """Return the columns of both. The metadata of a later one completes that of the first."""
+def _united(one: pa.Schema, other: pa.Schema) -> pa.Schema | None:
+    """Return the columns of both, None if they conflict. The metadata of a later one completes that of the first."""
     import pyarrow as pa
 
-    fields = []
-    for field in one:
-        index = other.get_field_index(field.name)
-        more = other.field(index).metadata if index >= 0 else None
-        fields.append(field.with_metadata({**(field.metadata or {}), **more}) if more else field)
-    fields += [field for field in other if one.get_field_index(field.name) < 0]
+    fields = {field.name: field for field in one}
+    for field in other:
+        known = fields.setdefault(field.name, field)
+        told, also = known.metadata or {}, field.metadata or {}
+        if known.type != field.type or len({told.get(b"unit"), also.get(b"unit")} - {None, b""}) > 1:
+            return None
+        fields[field.name] = known.with_metadata({**told, **also}) if also else known
     told, also = one.metadata or {}, other.metadata or {}
-    return pa.schema(fields, {key: value for key, value in told.items() if also.get(key) == value})
+    return pa.schema(fields.values(), {key: value for key, value in told.items() if also.get(key) == value})
 
 
 def without_keys(schema: pa.Schema) -> pa.Schema:

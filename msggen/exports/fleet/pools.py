@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
-from queue import SimpleQueue
+from threading import local
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msggen.base.interpreter import command_of
@@ -40,21 +40,18 @@ def results_of(
     function: Callable[[TaskT], ResultT], tasks: Sequence[TaskT], jobs: int
 ) -> Iterator[tuple[TaskT, ResultT | None]]:
     """Call a function with each task, in `jobs` processes. Yield None for a task whose process was killed."""
-    workers = [_Worker() for _ in tasks[:jobs]]
-    idle: SimpleQueue[_Worker] = SimpleQueue()
-    for worker in workers:
-        idle.put(worker)
+    workers: list[_Worker] = []
+    own = local()
 
-    def run(task: TaskT) -> tuple[TaskT, ResultT | None]:
-        worker = idle.get()
-        try:
-            return task, worker.run(function, task)
-        finally:
-            idle.put(worker)
+    def begin() -> None:
+        own.worker = _Worker()
+        workers.append(own.worker)
 
-    pool = ThreadPoolExecutor(len(workers) or 1)
+    pool = ThreadPoolExecutor(jobs, initializer=begin)
     try:
-        for done in as_completed([pool.submit(run, task) for task in tasks]):
+        for done in as_completed(
+            [pool.submit(lambda task: (task, own.worker.run(function, task)), each) for each in tasks]
+        ):
             yield done.result()
     finally:  # also on Ctrl-C: what is not done is done by the next run
         pool.shutdown(wait=False, cancel_futures=True)

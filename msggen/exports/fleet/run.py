@@ -51,7 +51,7 @@ class Summary(NamedTuple):
     """How many recordings have changed, so that their earlier rows were removed."""
     outcomes: Sequence[Outcome]
     """What became of the others, in the order of their paths."""
-    known: Sequence[Outcome]
+    records: Sequence[Record]
     """All recordings that the fleet has, of earlier runs too, in the order of their paths."""
     written: Sequence[File]
     """The files that this run has added."""
@@ -69,14 +69,9 @@ class Summary(NamedTuple):
         return [each for each in self.outcomes if each.record is None]
 
     @property
-    def records(self) -> list[Record]:
-        """The records of all recordings that the fleet has."""
-        return [each.record for each in self.known if each.record is not None and not each.is_copy]
-
-    @property
     def incomplete(self) -> list[Outcome]:
         """All recordings that the fleet has in part."""
-        return [each for each in self.known if each.record is not None and each.record.problems and not each.is_copy]
+        return [Outcome(original_of(each), each) for each in self.records if each.problems]
 
     @property
     def is_whole(self) -> bool:
@@ -85,29 +80,20 @@ class Summary(NamedTuple):
 
     def document(self) -> dict[str, Any]:
         """Return the summary for JSON, as in the report of a fleet: the numbers of the run, and what the fleet has."""
-        converted, records = self.converted, self.records
+        records = self.records
+        copies = [(path, original_of(each)) for each in records for path in [*each.paths][1:]]
         return {
             "found": self.found,
-            "converted": len(converted),
+            "converted": len(self.converted),
             "unchanged": self.unchanged,
             "copies": self.copies,
             "failed": [{"path": each.path, "error": each.error} for each in self.failed],
             "incomplete": [
-                {"path": each.path, "problems": list(each.record.problems)}
-                for each in self.incomplete
-                if each.record is not None
+                {"path": original_of(each), "problems": list(each.problems)} for each in records if each.problems
             ],
-            "lent": [
-                {"path": each.path, "notes": list(each.record.notes)}
-                for each in self.known
-                if each.record is not None and each.record.notes and not each.is_copy
-            ],
+            "lent": [{"path": original_of(each), "notes": list(each.notes)} for each in records if each.notes],
             "replaced": self.removed,
-            "copied": [
-                {"path": each.path, "of": original_of(each.record)}
-                for each in self.known
-                if each.record is not None and each.is_copy
-            ],
+            "copied": [{"path": path, "of": first} for path, first in sorted(copies)],
             "recordings": len(records),
             "files": len(self.files),
             "rows": sum(each.samples for each in records),
@@ -175,7 +161,7 @@ def _updated(
         copies=sum(each.is_copy for each in copies),
         removed=replaced,
         outcomes=_sorted([*outcomes, *copies, *(Outcome(each.path, error=each.error) for each in found if each.error)]),
-        known=_sorted(each for record in fleet.records.values() for each in _known(record)),
+        records=sorted(fleet.records.values(), key=original_of),
         written=[file for file in files if file.place not in before],
         files=files,
     )
@@ -198,12 +184,6 @@ def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
             yield batch._replace(outcomes=[Outcome(path, error=batch.failed) for path in batch.task.paths])
     for task in waiting:  # one by one: the others may have had the memory that it needs
         yield from _batches(pool, [task])
-
-
-def _known(record: Record) -> Iterator[Outcome]:
-    """Yield a recording that the fleet has, and its copies."""
-    for path in record.paths or (record.log,):
-        yield Outcome(path, record, is_copy=path != original_of(record))
 
 
 def _sorted(outcomes: Iterable[Outcome]) -> list[Outcome]:

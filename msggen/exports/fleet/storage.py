@@ -112,7 +112,7 @@ class Disk:
         flush([self.path, *map(self._at, topics)])
 
     def delete(self, names: Iterable[str]) -> None:
-        """Remove files, and stages of other runs, if they are there. If a run still writes there, the next one does."""
+        """Remove files and stages, if they are there. What is left of a stage because a run writes there stays."""
         for name in names:
             if is_stage(name):
                 with suppress(OSError):
@@ -142,10 +142,10 @@ class Bucket:
     def prepare(self) -> None:
         """Raise StoreError if the store does not compare versions: then two runs could overwrite each other."""
         try:
-            known = self._store.create(self._probe, b"1")
-            self._refuses("If-None-Match", lambda: self._store.create(self._probe, b"2"))
-            self._store.save(self._probe, b"3", over=known.version)
-            self._refuses("If-Match", lambda: self._store.save(self._probe, b"4", over=known.version))
+            known = self._store.save(self._probe, b"1", "create")
+            self._refuses("If-None-Match", lambda: self._store.save(self._probe, b"2", "create"))
+            self._store.save(self._probe, b"3", known.version)
+            self._refuses("If-Match", lambda: self._store.save(self._probe, b"4", known.version))
         except StoreError as error:
             if "(501" in str(error.strerror):
                 raise store_error(self.path, f"{_UNFIT}: {error.strerror}") from None
@@ -167,9 +167,8 @@ class Bucket:
 
     def replace_list(self, data: bytes, known: Content | None) -> Content:
         """Replace the list in one step. Raises RacedError if it is not the known one any more."""
-        address = self._at(TABLE)
         try:
-            return self._store.save(address, data, over=known.version) if known else self._store.create(address, data)
+            return self._store.save(self._at(TABLE), data, known.version if known else "create")
         except ChangedError:
             raise RacedError from None
 
@@ -199,7 +198,7 @@ class Bucket:
     def keep(self, stage: str, places: Sequence[str]) -> None:
         """Put files of a stage into their places. Each is whole, and is part of the fleet once the list names it."""
         for place in places:
-            self._store.replace(_copy_of(stage, place), self._at(place))
+            self._store.put(_copy_of(stage, place), self._at(place), is_new=False)
 
     def add(self, places: Sequence[str]) -> None:
         """Do nothing: `keep` has put the files into their places."""

@@ -217,7 +217,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     ):
         if number:
             yield f"  {number:6} {text}"
-    if summary.known:
+    if summary.records:
         document = summary.document()
         yield f"vehicles: {few(list(document['vehicles']))}"
         yield f"dates: {few(list(document['dates']))}"
