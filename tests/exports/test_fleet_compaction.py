@@ -15,7 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.exports.fleet import Keys, compact, compaction, parts, update
+from msggen.exports.fleet import Keys, compact, parts, update
+from msggen.exports.fleet import fleet as fleets
 from msggen.exports.fleet.parts import Files, Run, write_files
 from msggen.exports.fleet.records import FleetError
 from support.examples import examples
@@ -61,7 +62,7 @@ def test_large_files_stay_as_they_are(fleet: Path, monkeypatch: pytest.MonkeyPat
     compact(str(fleet))
     before = parquet_in(fleet)
     size = min((fleet / name).stat().st_size for name in before)
-    monkeypatch.setattr(compaction, "LARGE", size)
+    monkeypatch.setattr(fleets, "LARGE", size)
     add(fleet.parent, 5)
     add(fleet.parent, 6)
     compact(str(fleet))

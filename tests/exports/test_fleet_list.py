@@ -181,19 +181,22 @@ def test_a_list_that_is_missing_is_an_error_and_nothing_changes(fleet: Path, log
     assert content(fleet) == before
 
 
-@pytest.mark.parametrize("has_table", [True, False])
-def test_a_fleet_of_the_former_layout_is_an_error_and_nothing_changes(
-    logs: Path, tmp_path: Path, *, has_table: bool
+@pytest.mark.parametrize(("has_table", "text"), [(True, "is not the list of a fleet"), (False, "has other files")])
+def test_a_fleet_of_another_layout_is_an_error_and_nothing_changes(
+    logs: Path, tmp_path: Path, text: str, *, has_table: bool
 ) -> None:
     fleet = tmp_path / "fleet"
     (fleet / "_msggen").mkdir(parents=True)
     (fleet / "_msggen" / "layout.json").write_text('{"by": ["vehicle", "date"], "version": 4}')
+    (fleet / "battery_status").mkdir()
+    (fleet / "battery_status" / "000001-00000000.parquet").write_bytes(b"PAR1")
     if has_table:
         (fleet / LIST).write_bytes(foreign(b""))
     before = content(fleet)
-    for run in (lambda: update(str(logs), str(fleet)), lambda: compact(str(fleet))):
-        with pytest.raises(FleetError, match=r"an earlier version of msggen wrote this fleet.* convert anew"):
-            run()
+    with pytest.raises(FleetError, match=f"{text}.*new folder"):
+        update(str(logs), str(fleet))
+    with pytest.raises(FleetError, match=r"is not (the list of )?a fleet"):
+        compact(str(fleet))
     assert content(fleet) == before
 
 

@@ -25,7 +25,7 @@ from msggen.exports.fleet.storage import storage_of
 from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
-    from msggen.exports.fleet.listing import State
+    from msggen.exports.fleet.finding import State
     from msggen.exports.fleet.storage import Storage
     from msggen.recordings.log.log import Log
     from msggen.recordings.source.source import Problem

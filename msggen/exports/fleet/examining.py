@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 from msggen.analysis.document import document_of, examined
 from msggen.exports.fleet.batch import text_of
-from msggen.exports.fleet.finding import Found, at_hand, checked, digest_of, find_recordings
+from msggen.exports.fleet.finding import Found, State, at_hand, checked, digest_of, find_recordings
 from msggen.exports.fleet.layout import name_of
-from msggen.exports.fleet.listing import State
 from msggen.exports.fleet.planning import digest_if_any, state_if_any
 from msggen.exports.fleet.pools import results_of
 from msggen.exports.fleet.records import decoded, original_of

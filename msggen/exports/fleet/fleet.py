@@ -1,5 +1,7 @@
 """A fleet that a run changes: each change adds files, replaces the list in one step, and then removes files.
 
+`compact` is such a run: what others have added becomes large files, which engines read fast.
+
 A run that was overtaken cannot replace the list any more. So what is not in the list can be removed once the list was
 replaced: no run that could still add it is left (docs/fleet.md).
 """
@@ -9,23 +11,21 @@ from __future__ import annotations
 import os
 import platform
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.exports.fleet.layout import KEYS, STATE, is_place, is_stage, number_of
-from msggen.exports.fleet.parts import File, write_files
+from msggen.base.missing import RECORDINGS, installed_by
+from msggen.exports.fleet.layout import KEYS, STATE, is_place, is_stage, number_of, topic_of
+from msggen.exports.fleet.parts import LARGE, File, Files, shapes_of, write_files
 from msggen.exports.fleet.records import NOT_A_FLEET, TABLE, FleetError, Listed, Record, decoded, encoded
-from msggen.exports.fleet.storage import RacedError, Storage, storage_of
+from msggen.exports.fleet.storage import RacedError, Storage, absolute, storage_of
 from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
     from msggen.exports.fleet.parts import Run
     from msggen.recordings.stores.store import Content
 
-_FORMER = f"{STATE}/layout.json"
-"""A file of the former layout."""
-_ANEW = "an earlier version of msggen wrote this fleet, in another layout: convert anew, to a new folder"
 REPORT = "report.json"
 
 
@@ -60,7 +60,7 @@ class Fleet:
         if self._known is None:
             self._begin(names, by)
         else:
-            self._take(self._known.data, names, by)
+            self._take(self._known.data, by)
         self.found = {name: names[name] for name in sorted(names) if is_place(name)}
         self._number = max(map(number_of, self.found), default=0)
         left = [*self.found.keys() - self.listed(), *filter(is_stage, names)]
@@ -69,8 +69,6 @@ class Fleet:
             self._remove(left)
 
     def _begin(self, names: Collection[str], by: Sequence[str] | None) -> None:
-        if _FORMER in names:
-            raise FleetError(_ANEW)
         if f"{STATE}/{REPORT}" in names:
             raise FleetError(f"{TABLE}, the list of this fleet, is missing: restore it, or convert to a new folder")
         if by is None:
@@ -80,13 +78,8 @@ class Fleet:
         self.by = by
         self.commit({})  # before all else, so that what is there with a list is of this fleet
 
-    def _take(self, data: bytes, names: Collection[str], by: Sequence[str] | None) -> None:
-        try:
-            found = decoded(data)
-        except FleetError:
-            if _FORMER in names:
-                raise FleetError(_ANEW) from None
-            raise
+    def _take(self, data: bytes, by: Sequence[str] | None) -> None:
+        found = decoded(data)
         if by is not None and found.by != list(by):
             raise FleetError(f"this fleet is by '{','.join(found.by)}', not by '{','.join(by)}': choose another folder")
         self.by = found.by
@@ -169,6 +162,61 @@ def opened_fleet(address: str, by: Sequence[str] | None = None) -> Iterator[Flee
         yield fleet
     finally:
         fleet.storage.close()
+
+
+class Compacted(NamedTuple):
+    """The result of a compaction."""
+
+    topics: int
+    """How many topics had small files."""
+    files_before: int
+    """How many files the fleet had."""
+    files: int
+    """How many it has."""
+    bytes_before: int
+    bytes: int
+
+
+def compact(fleet: str, *, progress: Callable[[float, str], None] = lambda *_: None) -> Compacted:
+    """Make large files of the small ones of each topic: files below 32 MB become files of about 160 MB.
+
+    For each topic, the large files are written, the list is replaced, and the small ones are removed. If this run is
+    killed, nothing is lost, and the next run of `update` or `compact` goes on. `progress` is called with the share that
+    is done and the name of a topic.
+
+    Raises FleetError if there is no fleet in the folder, a file of it is damaged, or another run has changed the fleet,
+    and OSError.
+    """
+    with installed_by(RECORDINGS):
+        import pyarrow  # noqa: F401, ICN001
+    with opened_fleet(absolute(fleet)) as own:
+        before = [own.found.get(place, 0) for place in own.listed()]
+        topics: dict[str, list[str]] = {}
+        for place in sorted(own.listed()):
+            if own.found.get(place, LARGE) < LARGE:
+                topics.setdefault(topic_of(place), []).append(place)
+        sizes = {topic: sum(own.found[place] for place in places) for topic, places in topics.items()}
+        total, done, changed = max(sum(sizes.values()), 1), 0, 0
+        for topic, places in topics.items():
+            progress(done / total, topic)
+            changed += _compacted(own, topic, places)
+            done += sizes[topic]
+        after = [own.found.get(place, 0) for place in own.listed()]
+    return Compacted(changed, len(before), len(after), sum(before), sum(after))
+
+
+def _compacted(fleet: Fleet, topic: str, places: Sequence[str]) -> bool:
+    """Make large files of the small ones of a topic. Return whether there was something to do."""
+    files = Files(fleet.storage.open)
+    with fleet.unless_overtaken():
+        shapes = shapes_of((files.schema(place), place) for place in places)
+        groups = [group for _, group in shapes if len(group) > 1]
+        if not groups:
+            return False
+        added = fleet.write((topic, [run for place in group for run in files.runs(place)]) for group in groups)
+    removed = {place for group in groups for place in group}
+    fleet.commit(with_files(fleet.records, added, removed), added, removed)
+    return True
 
 
 def with_files(

@@ -264,11 +264,6 @@ class Files:
         """Yield the keys of the runs in a row group, and the rows from which to which they are."""
         import numpy as np
 
-        metadata = self._head(group[0])[0].row_group(group[1])
-        told = [metadata.column(number).statistics for number in range(len(Keys._fields))]
-        if all(each is not None and each.has_min_max and each.min == each.max for each in told):
-            yield Keys(*(each.min for each in told)), 0, metadata.num_rows
-            return
         table = self._read(group, list(Keys._fields)).combine_chunks()
         changes = np.zeros(max(len(table) - 1, 0), bool)
         for column in table.columns:

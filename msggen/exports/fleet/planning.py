@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.disk.urls import is_address
 from msggen.exports.fleet.batch import Task
-from msggen.exports.fleet.finding import Found, digest_of, state_of
-from msggen.exports.fleet.listing import State
+from msggen.exports.fleet.finding import Found, State, digest_of, state_of
 
 if TYPE_CHECKING:
     from msggen.exports.fleet.fleet import Fleet

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.exports.fleet.finding import State
 from msggen.exports.fleet.layout import ORIGINS, is_place
-from msggen.exports.fleet.listing import State
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:

@@ -85,10 +85,10 @@ def is_fleet(path: str) -> bool:
 
 def _is_folder_in_store(address: str) -> bool:
     check_reading("R102")
-    from msggen.exports.fleet.listing import is_folder
+    from msggen.exports.fleet.finding import is_folder_in_store
 
     with store_errors("R102"):
-        return is_folder(address)
+        return is_folder_in_store(address)
 
 
 def convert_fleet(options: argparse.Namespace) -> int:
