@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.analysis.recorded import Column, Recorded, tilt_of
-from msggen.messages.earth import RADIUS
-from msggen.messages.gps import HAS_FIX
+from msggen.messages.earth import HAS_FIX, RADIUS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

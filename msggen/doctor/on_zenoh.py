@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from msggen.check.finding import Change
 from msggen.doctor.case import Case
 from msggen.link.rmw_zenoh.vehicles import NO_BEAT
+from msggen.messages.firmware import SMALL_STACK
 from msggen.messages.names import uorb_name
-from msggen.messages.zenoh_topics import SMALL_STACK
 
 _LARGE = "arming_check_reply"
 _FIRMWARE = ("CONFIG_ZENOH_", "in the form of PX4 v1.16", "cannot be told apart", NO_BEAT)
