@@ -11,8 +11,8 @@ from msggen.doctor.observation import INTACT, OWNER, SIM, Observation
 from msggen.link.link import Client
 from msggen.link.link_types import AGENT_PORT, PORT
 from msggen.link.rmw_zenoh.vehicles import NO_BEAT
+from msggen.messages.firmware import SMALL_STACK
 from msggen.messages.names import uorb_name
-from msggen.messages.zenoh_topics import SMALL_STACK
 
 _STATUS = "`uxrce_dds_client status` in PX4's shell shows where it sends"
 _REFUSALS = {
