@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,9 +17,9 @@ from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.cli import main
 from msggen.cli.source_options import is_recording
 from msggen.exports.fleet.fleet import with_files
+from support.commands import exit_code
 from support.fleet_logs import VEHICLES, write_logs
 from support.fleet_recordings import logs_in, rows_of, write_flight
-from support.repository import ROOT
 
 SUMMARY = """\
 fleet: 6 recordings converted in S s, 1,631 samples in 6 files, N kB
@@ -41,10 +39,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(*words: str) -> int:
-    try:
-        return main(["log", "convert", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "convert", *words])
 
 
 def without_figures(text: str) -> str:
@@ -234,29 +229,8 @@ def test_names_of_outputs(here: Path, px4_types: Any, capsys: pytest.CaptureFixt
     assert [name.rpartition("-")[0] for name in logs_in(here / "fleet")] == ["10.02.11"]
 
 
-@pytest.mark.parametrize(
-    ("package", "extra", "words"),
-    [
-        ("distributed", "dask", ["convert", "logs", "--dask", "tcp://127.0.0.1:9"]),
-        ("pyarrow", "recordings", ["compact", "fleet"]),
-    ],
-)
-def test_without_an_extra_the_error_names_it(here: Path, package: str, extra: str, words: list[str]) -> None:
-    (here / f"{package}.py").write_text(f"raise ImportError('none', name='{package}')")
-    done = subprocess.run(
-        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", *words],
-        env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == FAILED
-    text = rf"{package}: R150 this package is not installed: \S+ install -e '.*\[{extra}\]'\n"
-    assert re.match(text, done.stderr)
-
-
 def compact(*words: str) -> int:
-    try:
-        return main(["log", "compact", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "compact", *words])
 
 
 def test_small_files_become_large_ones(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -149,7 +149,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "findings": ("msggen.analysis.document.isfinite", lambda _: True),
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
     "zenoh": ("msggen.link.rmw_zenoh.vehicles.MAX_VEHICLES", 1 << 30),
-    "networks": ("msggen.link.rmw_zenoh.waiting.Waiting.of", lambda *_: -(10**10)),
+    "networks": ("msggen.link.waiting.Waiting.of", lambda *_: -(10**10)),
     "motions": ("msggen.analysis.response._usable", lambda column: column),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
