@@ -29,10 +29,9 @@ from msggen.messages.measurements import (
     Part,
 )
 from msggen.sim.attitude import Vector, added, from_body
-from msggen.sim.commander.rules import V1_18, Rules
+from msggen.sim.commander.rules import Rules
 from msggen.sim.external_inputs import Odometry, Place, World, bits, is_on, odometry_of, place_of, turned_by
 from msggen.sim.flight import wrapped
-from msggen.sim.parameters import PARAMETERS
 from msggen.sim.places import Home
 
 _BEHIND = 150_000
@@ -69,7 +68,7 @@ _BY_CAMERA = 3
 class External:
     """Takes measurements. `handlers` are by the names of topics in uORB."""
 
-    def __init__(self, world: World, parameters: Mapping[str, float] = PARAMETERS, rules: Rules = V1_18) -> None:
+    def __init__(self, world: World, parameters: Mapping[str, float], rules: Rules) -> None:
         """Take the parameters and rules of the vehicle."""
         self._world, self._parameters, self._place_patience = world, parameters, rules.auxiliary_patience
         self._control = bits(parameters.get("EKF2_EV_CTRL", 0.0))
