@@ -21,7 +21,7 @@ from msggen.link.xrce.client import Client
 from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.link.xrce.client_events import Connected, Disconnected, Event, Received, Requested
 from msggen.link.xrce.client_liveness import is_known
-from msggen.link.xrce.offset import OffsetFilter
+from msggen.link.xrce.client_times import OffsetFilter
 from msggen.sim import Options, SimulatedVehicle
 from support.examples import by_day
 from support.repository import ROOT, shared
