@@ -73,7 +73,7 @@ class WingPilot(Pilot):
     def _take_longitudinal(self, message: Any, time: int) -> None:
         self._write(
             time,
-            down=self._flight.origin - message.altitude,
+            down=self._flight.origin.altitude - message.altitude,
             height_rate=message.height_rate,
             airspeed=message.equivalent_airspeed,
             pitch=message.pitch_direct,
