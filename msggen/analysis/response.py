@@ -37,7 +37,7 @@ _COARSEST = 10
 _LEAST_FIT = 0.3
 """The share of the movement that must follow from the setpoint."""
 _LARGEST_SPREAD = 0.2
-"""The mean spread, in parts of the step, up to which the mean says something: those of real flights are 0.02 to 0.15."""
+"""The mean spread, in parts of the step, up to which the mean tells something. Real flights have 0.02 to 0.15."""
 _LARGEST = 1e6
 """Values beyond it are damaged."""
 _SETTLED, _TAIL = 0.05, 0.2
