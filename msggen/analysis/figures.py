@@ -12,8 +12,7 @@ import numpy as np
 from msggen.analysis.recorded import Column, Recorded, tilt_of
 from msggen.base.diagnostics import counted
 from msggen.base.recording_formats import FORMATS
-from msggen.messages.earth import RADIUS
-from msggen.messages.gps import HAS_FIX
+from msggen.messages.earth import HAS_FIX, RADIUS
 from msggen.recordings.columns.annotations import annotation_of
 from msggen.recordings.log.origin import time_of_day
 

@@ -16,7 +16,7 @@ from msggen.recordings import RecordingError
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED, Releases
 from msggen.sources.finding import find_sources, with_archived
-from msggen.sources.released import released_as
+from msggen.sources.released import embedded
 from support.catalogs import catalog_of, import_package
 from support.examples import by_day
 from support.log_files import Written, definition_in, opened
@@ -196,7 +196,7 @@ def test_topics_are_compared_by_the_rules_of_check(px4_types: Any, release: str,
         found = {each.topic.name[1:]: each for each in log.compare(px4_types)}
     assert found.keys() == set(names)
     for name in names:
-        released = released_as(Releases(), release, name)
+        released = embedded(release, name)
         assert released is not None
         info, each = getattr(px4_types, name).__msg__, found[name]
         assert each.is_same == (message_hash(*released) == info.message_hash)

@@ -14,7 +14,7 @@ from mcap.writer import Writer
 from msggen import recordings
 from msggen.recordings import Log
 from msggen.sources.embedded import Releases
-from msggen.sources.released import released_as
+from msggen.sources.released import embedded
 from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
 
 
@@ -74,7 +74,7 @@ def opened(folder: Path, *topics: Written, **options: Any) -> Log:
 def definition_in(release: str, name: str) -> str:
     """Return the definition of a message in an embedded release as `ros2msg`, with all that it nests."""
     releases = Releases()
-    found = released_as(releases, release, name)
+    found = embedded(release, name)
     assert found is not None
     _, own = releases.file(release, f"{name}.msg")
     inner = [each.name for each in found.catalog.nested_all(found.message)]
