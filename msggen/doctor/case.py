@@ -109,7 +109,7 @@ def is_full(name: str) -> bool:
 
 def plain(name: str) -> str:
     """Return a name as ROS 2 has it: `/fmu/out/x` for `rt/fmu/out/x` and `fmu/out/x`."""
-    name = name.removeprefix("rt/") if name.startswith("rt/") else name
+    name = name.removeprefix("rt/")
     return name if name.startswith("/") or "/" not in name else f"/{name}"
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from msggen.base.rooms import ROOMS, below, room_of
+from msggen.base.rooms import ROOMS, below
 from support.repository import ROOT
 
 LONGEST = 400
@@ -43,6 +43,13 @@ MODULES = {
     for path in (ROOT / "msggen").rglob("*.py")
 }
 """The files of all modules, by names such as `base.disk.git`."""
+
+
+def room_of(name: str) -> str:
+    """Return the room that a module, such as `base.disk.git`, is in; "" for a module outside of all rooms."""
+    while name not in ROOMS and name:
+        name = name.rpartition(".")[0]
+    return name
 
 
 def imports_of(path: Path) -> Iterator[str]:

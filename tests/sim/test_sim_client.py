@@ -287,15 +287,6 @@ def test_four_pings_without_an_answer_end_the_session() -> None:
     assert line.client.is_connected
 
 
-def test_an_agent_that_lost_its_session_is_left_after_four_pings() -> None:
-    line = Line()
-    line.run(1.5, write_every=50_000)
-    line.agent.reset()
-    line.run(4.0, write_every=50_000)
-    assert line.reasons() == ["the agent has ended, or does not answer; looking for the next one"]
-    assert line.client.is_connected
-
-
 def test_a_ping_blocks_samples_until_it_is_answered() -> None:
     line = Line(ONE._replace(sync="off"))
     line.run(1.5, write_every=50_000)

@@ -11,10 +11,9 @@ from logging import ERROR
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error, printable
-from msggen.base.exit_codes import DONE
 from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command
 from msggen.cli.values import non_empty
 from msggen.cli.watching import telling, watching
 from msggen.link.link import LinkError
@@ -31,45 +30,34 @@ _JOIN = 5.0
 """How long to wait in s for a vehicle that has connected before."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "relay",
-        _relay,
-        help="carry the topics of a vehicle to ROS 2 and back, without an agent",
-        description="Carry the topics and the service of a vehicle to ROS 2, as an agent does, until Ctrl-C. It needs "
-        "rclpy, and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition "
-        "differs are refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent "
-        "publishes the topics, only --standard and --translate add topics.",
-        epilog=f"Exit codes: 0 ended by Ctrl-C, {FAILED_CODES}",
+@new_command(
+    "relay",
+    "carry the topics of a vehicle to ROS 2 and back, without an agent",
+    "Carry the topics and the service of a vehicle to ROS 2, as an agent does, until Ctrl-C. It needs "
+    "rclpy, and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition "
+    "differs are refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent "
+    "publishes the topics, only --standard and --translate add topics.",
+    epilog=f"Exit codes: 0 ended by Ctrl-C, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = "topic or pattern, such as vehicle_status or '/fmu/out/*' (default: all topics, in both directions)"
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="*")
+    add_flag(
+        parser, "--standard", "also publish odom, pose, imu, fix and TF, in the frames of ROS; they need no px4_msgs"
     )
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        type=non_empty,
-        help="topic or pattern, such as vehicle_status or '/fmu/out/*' (default: all topics, in both directions)",
-    )
-    parser.add_argument(
-        "--standard",
-        action="store_true",
-        help="also publish odom, pose, imu, fix and TF, in the frames of ROS; they need no px4_msgs",
-    )
-    parser.add_argument(
-        "--translate",
-        action="store_true",
-        help="also carry the versions of messages that px4_msgs and px4_msgs_old have, converted",
+    add_flag(
+        parser, "--translate", "also carry the versions of messages that px4_msgs and px4_msgs_old have, converted"
     )
     add_link(parser)
     add_shared(parser, "-q, --quiet")
+    return _relay
 
 
-def _relay(options: argparse.Namespace) -> int:
+def _relay(options: argparse.Namespace) -> None:
     _check_ros(needs_types=not options.standard)
     with telling(ERROR, OTHERS), connection(options) as found:  # the others are carried, too
         _run(options, found)
-    return DONE
 
 
 def _check_ros(*, needs_types: bool) -> None:

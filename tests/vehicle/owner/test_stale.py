@@ -344,6 +344,7 @@ def test_a_direct_link_drops_what_waited_in_its_own_process(
     url = f"udp://127.0.0.1:{free_port()}"
     with Simulator(px4_types, url, [Options(sync="off", rate=5.0)]), Vehicle(url, px4_types, direct=True) as vehicle:
         vehicle.wait_connected(WAIT)
+        vehicle.wait_firmware(WAIT)  # a question about a format would wait, too, and be counted
         vehicle.publish(stamped(px4_types))
         until(lambda: arrivals.ages)
         own: Any = vehicle._hub.link
