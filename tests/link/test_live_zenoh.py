@@ -62,6 +62,29 @@ def test_a_vehicle_connects_to_the_router_that_the_link_is(px4_types: Any) -> No
     records.wait(lambda: {*threading.enumerate()} <= before)  # the pool of Zenoh itself stays
 
 
+def test_a_session_ends_with_the_functions_that_it_calls() -> None:
+    """A thread of Zenoh that is left when Python ends would abort the program."""
+    from msggen.link.rmw_zenoh.session import open_session
+
+    before, called, returned = {*threading.enumerate()}, threading.Event(), threading.Event()
+
+    def slow(*_: object) -> None:
+        called.set()
+        time.sleep(0.3)
+        returned.set()
+
+    made = open_session("127.0.0.1", free_port())
+    made.tokens(lambda *_: None)
+    made.subscribe("a", slow)
+    made.publisher("b", lambda _: None)
+    made.answer("c", lambda _: None)
+    made.put("a", b"", b"")
+    assert called.wait(10.0)
+    made.close()
+    assert returned.is_set()
+    assert {*threading.enumerate()} <= before
+
+
 def test_the_router_of_others_is_needed_by_them() -> None:
     port = free_port()
     with linked(port) as (router, records):

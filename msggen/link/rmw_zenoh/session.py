@@ -5,7 +5,8 @@ Import this module only if eclipse-zenoh is installed. Facts about it that shape
 - The error of a session that cannot be opened is a text, which ends with the number of the system's error.
 - A client connects again by itself when its router is back, and declares all that it had declared.
 - It calls each function in a Python thread of its own, which is a daemon if the thread that declared it is one. Python
-  waits for all others at its end, before anything is closed there.
+  waits for all others at its end, before anything is closed there. A daemon that is still there when Python ends aborts
+  the program, so `Session.close` waits for it.
 - Multicast scouting would tell the network of this program. It is always off, also if a configuration has it.
 """
 
@@ -16,6 +17,7 @@ import json
 import os
 import re
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, Final, TypeAlias
@@ -28,6 +30,8 @@ from msggen.link.rmw_zenoh.names import reversed_id
 TOKENS: Final = "@ros2_lv/**"
 _CONNECT_MS: Final = 3000
 """How long a router may take to answer."""
+_ENDING_S: Final = 1.0
+"""How long the functions that are called may take to return when the session is closed."""
 _BLOCKED_US: Final = 1_000_000
 """How long a program that does not read may hold up all others, until the router ends its connection. Zenoh has 5 s,
 after which a vehicle would count as silent. It holds them up if PX4's list has `cc: block` for a topic."""
@@ -41,6 +45,9 @@ _FILES: Final = (
 )
 
 _GUARDS: Final = ("access_control/enabled", "transport/auth/usrpwd/dictionary_file")
+
+_CALLS: Final = "(pyo3-closure)"
+"""The end of the name of a thread in which Zenoh calls a function."""
 
 OnSample: TypeAlias = Callable[[str, bytes, bytes | None], None]
 _AT_ONCE: Final[Mapping[str, Any]] = {
@@ -111,6 +118,8 @@ class Session:
         printed = str(session.info.zid())
         self._ids = {printed, printed.zfill(32), reversed_id(printed)}
         self._declared: list[Any] = []
+        self._threads: set[threading.Thread] = set()
+        """Those in which functions are called."""
 
     def is_own(self, zid: str) -> bool:
         """Whether a token with this id of a session is of this one."""
@@ -148,7 +157,7 @@ class Session:
         def declare() -> None:
             made.append(self._session.liveliness().declare_subscriber(TOKENS, token, history=True))
 
-        with _errors("subscribe to tokens"):
+        with self._declaring("subscribe to tokens"):
             _by_daemon(declare)
         for each in self._declared:  # not before: no token goes unseen
             Declared(each).withdraw()
@@ -166,7 +175,7 @@ class Session:
             attachment = sample.attachment
             on_sample(str(sample.key_expr), bytes(sample.payload), bytes(attachment) if attachment else None)
 
-        with _errors(f"subscribe to '{key}'"):
+        with self._declaring(f"subscribe to '{key}'"):
             return Declared(self._session.declare_subscriber(key, data))
 
     def publisher(self, key: str, on_matching: Callable[[bool], None]) -> Publisher:
@@ -174,7 +183,7 @@ class Session:
 
         Raises LinkError.
         """
-        with _errors(f"publish '{key}'"):
+        with self._declaring(f"publish '{key}'"):
             made = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
             listener = made.declare_matching_listener(lambda status: on_matching(status.matching))
         return Publisher(made, listener)
@@ -190,7 +199,7 @@ class Session:
         def ask(query: Any) -> None:
             answer(Question(query))
 
-        with _errors(f"answer about '{key}'"):
+        with self._declaring(f"answer about '{key}'"):
             return Declared(self._session.declare_queryable(key, ask))
 
     def ask(self, key: str, seconds: float) -> Iterator[tuple[bytes, bytes]]:
@@ -201,10 +210,23 @@ class Session:
                     yield bytes(reply.ok.payload), bytes(reply.ok.attachment)
 
     def close(self) -> None:
-        """End the session."""
+        """End the session, and wait for the functions that are called just now."""
         with suppress(zenoh.ZError):
             self._session.close()
         self._declared.clear()
+        end = time.monotonic() + _ENDING_S
+        for thread in self._threads - {threading.current_thread()}:
+            thread.join(max(end - time.monotonic(), 0))
+        self._threads.clear()
+
+    @contextmanager
+    def _declaring(self, what: str) -> Iterator[None]:
+        """Keep the threads in which what is declared is called, and raise LinkError for an error of Zenoh."""
+        before = {*threading.enumerate()}
+        with _errors(what):
+            yield
+        self._threads = {each for each in self._threads if each.is_alive()}
+        self._threads |= {each for each in threading.enumerate() if each.name.endswith(_CALLS)} - before
 
 
 def open_session(host: str, port: int, configuration: str = "") -> Session:
