@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from msggen.link.link import Route
+from msggen.show.report.json import dump
 from msggen.show.top.drawing import plain
 from msggen.show.top.rows import SECONDS, Health, History, Table, as_document, health_of, limits_of, rows_of, sparkline
 from msggen.vehicle.meter import Meter
@@ -84,7 +85,7 @@ def test_a_meter_keeps_the_samples_of_its_window_only() -> None:
 def test_the_document_and_the_plain_table_have_the_same_topics() -> None:
     meter = heard(STATUS, 1.0, 1.5, 2.0)
     table = Table(rows_of([STATUS, ACK], meter.flows(2 * SECOND), {}, "uav_1", 2 * SECOND), "v1.18")
-    document = json.loads(json.dumps(as_document(table), allow_nan=False))
+    document = json.loads(dump(as_document(table)))
     heading, *lines = plain(table)
     assert heading.split() == ["topic", "Hz", "limit", "age", "s", "kB/s", "bytes", "samples", "longest", "s"]
     assert [line.split()[0] for line in lines] == [each["topic"] for each in document["topics"]]

@@ -68,10 +68,10 @@ def _plot(options: argparse.Namespace) -> int:
             series, empty = _read(options, log)
         _check_window(options, mpl)
         if not options.quiet and any(plot.parse_path(log, path)[0].is_lent for path in options.fields):
-            print_notes(options, log.notes)
+            print_notes(options.file, log.notes)
         if empty:
             print(f"{options.file}: there are no samples of {few(empty)}{asked_time(options)}", file=sys.stderr)
-        print_problems(options, log.problems)
+        print_problems(options.file, log.problems)
         if series and options.output:
             write_picture(options, _drawn(options, log, series))
         elif series:
@@ -115,7 +115,7 @@ def _plot_kind(options: argparse.Namespace, log: Log) -> int:
 
     with busy_bar(options, f"reading {options.file}"):
         figure = drawn()
-    print_problems(options, log.problems)
+    print_problems(options.file, log.problems)
     if figure is not None and options.output:
         write_picture(options, figure)
     if texts and not options.quiet:
