@@ -91,7 +91,7 @@ def names_of(options: argparse.Namespace) -> Names:
     """
     from msggen.cli.chosen_types import folder_sources
     from msggen.generate.cache import folder_from, folder_of
-    from msggen.sources.borrowed import with_borrowed_bridge
+    from msggen.sources.bridged import with_borrowed_bridge
     from msggen.sources.embedded import EMBEDDED
     from msggen.sources.finding import find_sources
     from msggen.sources.settings import read_settings

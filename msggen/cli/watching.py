@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from logging import getLogger
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -53,6 +54,19 @@ def watching() -> Iterator[None]:
             raise
     except BrokenPipeError:
         discard_output()
+
+
+@contextmanager
+def telling(level: int, *names: str) -> Iterator[None]:
+    """Let loggers tell what has a level, and nothing below it, in the block."""
+    loggers = {logger: logger.level for logger in map(getLogger, names)}
+    try:
+        for logger in loggers:
+            logger.setLevel(level)
+        yield
+    finally:
+        for logger, before in loggers.items():
+            logger.setLevel(before)
 
 
 def rounds(seconds: float | None, vehicle: Vehicle, period: float) -> Iterator[None]:

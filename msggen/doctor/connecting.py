@@ -11,9 +11,8 @@ from msggen.doctor.observation import INTACT, OWNER, SIM, Observation
 from msggen.link.link import Client
 from msggen.link.link_types import AGENT_PORT, PORT
 from msggen.link.rmw_zenoh.vehicles import NO_BEAT
+from msggen.messages.firmware import SMALL_STACK
 from msggen.messages.names import uorb_name
-from msggen.messages.zenoh_topics import SMALL_STACK
-from msggen.vehicle.selection import shown
 
 _STATUS = "`uxrce_dds_client status` in PX4's shell shows where it sends"
 _REFUSALS = {
@@ -244,7 +243,7 @@ def find_restarts(case: Case) -> Iterator[Change]:
     for each in case.seen.vehicles:
         remote = each.remote
         if remote.key not in {*case.shared_keys, *deaf} and case.selection.accepts(remote):
-            sessions.setdefault((remote.key, remote.namespace), []).append(shown(remote))
+            sessions.setdefault((remote.key, remote.namespace), []).append(str(remote))
     for names in sessions.values():
         if len(names) > 1:
             text = f"{names[-1]} has begun {len(names)} sessions in {case.seen.waited + case.seen.seconds:.0f} s: "

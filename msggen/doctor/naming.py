@@ -12,7 +12,7 @@ from msggen.doctor.case import Case, matches, message_of, plain
 from msggen.doctor.observation import VehicleSeen
 from msggen.link.link import Route
 from msggen.messages.names import stem_of, version_of, without_namespace
-from msggen.vehicle.selection import NOT_ON_ZENOH, shown
+from msggen.vehicle.selection import NOT_ON_ZENOH
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -105,7 +105,7 @@ def find_shared_namespace(case: Case) -> Iterator[Change]:
     for namespace, vehicles in by_namespace.items():
         if len(vehicles) > 1:
             what = f"the namespace '{namespace}'" if namespace else "no namespace"
-            text = f"{few([shown(each.remote) for each in vehicles.values()])} have {what}, so that in ROS 2 and DDS "
+            text = f"{few([str(each.remote) for each in vehicles.values()])} have {what}, so that in ROS 2 and DDS "
             text += (
                 "their topics have the same names: samples of all arrive mixed, and setpoints reach all; start each "
             )
@@ -128,7 +128,7 @@ def find_version(case: Case) -> Iterator[Change]:
             if version is not None and version != version_of(name):
                 yield case.change(
                     route.name,
-                    f"{shown(vehicle.remote)} has '{route.name}', and in {expected.label} the message has version "
+                    f"{vehicle.remote} has '{route.name}', and in {expected.label} the message has version "
                     f"{version}: use the types of its firmware, or run PX4's translation node",
                 )
 

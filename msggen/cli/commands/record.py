@@ -37,8 +37,7 @@ from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
-    from msggen.exports.recorder import Counts, Recorder
-    from msggen.exports.vehicle_definitions import Definitions
+    from msggen.exports.recorder import Counts, Definitions, Recorder
     from msggen.recordings.topics.choice import Choice
     from msggen.vehicle.vehicle import Vehicle
 
@@ -105,7 +104,7 @@ def _size(text: str) -> float:
 
 
 def _record(options: argparse.Namespace) -> None:
-    from msggen.exports.vehicle_definitions import Definitions
+    from msggen.exports.recorder import Definitions
     from msggen.recordings.topics.choice import Choice
 
     check_packages("R101")

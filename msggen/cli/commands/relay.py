@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
-from logging import ERROR, getLogger
+from logging import ERROR
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error, printable
@@ -15,9 +15,9 @@ from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command
 from msggen.cli.values import non_empty
-from msggen.cli.watching import watching
+from msggen.cli.watching import telling, watching
 from msggen.link.link import LinkError
-from msggen.vehicle.fleet import clashes, sort
+from msggen.vehicle.fleet import sort
 from msggen.vehicle.hub import OTHERS
 from msggen.vehicle.selection import is_same
 
@@ -56,7 +56,7 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
 
 def _relay(options: argparse.Namespace) -> None:
     _check_ros(needs_types=not options.standard)
-    with connection(options) as found:
+    with telling(ERROR, OTHERS), connection(options) as found:  # the others are carried, too
         _run(options, found)
 
 
@@ -88,7 +88,6 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
     """Carry samples of all vehicles until Ctrl-C. Raises InputError if there is nothing to carry."""
     from msggen.ros.relay import interrupt_at_end
 
-    getLogger(OTHERS).setLevel(ERROR)  # they are carried, too
     carriers, begun = _Carriers(options, found), time.monotonic()
     try:
         with watching(), _started(), interrupt_at_end() as is_interrupted, closing(carriers):
@@ -129,9 +128,8 @@ class _Carriers:
         deadline = time.monotonic() + _OTHERS
         while not self._found.vehicle.is_settled and time.monotonic() < deadline and not is_interrupted():
             time.sleep(SLICE)
-        found = clashes(self._present())
-        if found:
-            raise input_error(self._found.link, "L105", found[0], 0)
+        for _, reason in sort((), self._present()).refused:
+            raise input_error(self._found.link, "L105", reason, 0)
 
     def look(self) -> None:
         """Carry vehicles that have connected. Raises the error of a vehicle that cannot be carried, if it is alone."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from msggen.cli.options import Run, add_flag, add_shared, new_command
 from msggen.cli.source_options import settings_of
 from msggen.cli.table import DIM, Column, print_table
-from msggen.sources.settings import SETTINGS, Settings, given_keys
+from msggen.sources.settings import SETTINGS, Settings, given_keys, schema_of_settings
 
 _DEFAULT = "default"
 
@@ -32,7 +32,6 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
 def _settings(options: argparse.Namespace) -> None:
     if options.schema:
         from msggen.show.report.json import dump
-        from msggen.sources.settings_schema import schema_of_settings
 
         print(dump(schema_of_settings()))
         return

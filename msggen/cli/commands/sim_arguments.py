@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable
+from collections.abc import Collection
 
 from msggen.cli.options import add_flag, add_repeatable, add_shared, add_value
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
@@ -92,7 +92,10 @@ def _parameter(text: str) -> tuple[str, float]:
     from msggen.sim.parameters import check_settable
 
     name, mark, value = text.partition("=")
-    _checked(check_settable, name)
+    try:
+        check_settable(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
     if not mark:
         raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")
     return name, finite.convert(value)
@@ -100,32 +103,33 @@ def _parameter(text: str) -> tuple[str, float]:
 
 @Deferred
 def _vehicle(text: str) -> str:
-    from msggen.sim.airframes import check_vehicle
+    from msggen.sim.airframes import AIRFRAMES
 
-    return _checked(check_vehicle, text)
+    return _checked("vehicle", text, AIRFRAMES)
 
 
 @Deferred
 def _part(text: str) -> str:
-    from msggen.sim.parts import check_part
+    from msggen.sim.parts import PARTS
 
-    return _checked(check_part, text)
+    return _checked("part", text, PARTS)
 
 
 @Deferred
 def _disturbance(text: str) -> str:
-    from msggen.sim.disturbances import check_disturbance
+    from msggen.sim.disturbances import DISTURBANCES
 
-    return _checked(check_disturbance, text)
+    return _checked("disturbance", text, DISTURBANCES)
 
 
-def _checked(check: Callable[[str], None], name: str) -> str:
-    """Return a name that `check` does not refuse."""
+def _checked(what: str, name: str, known: Collection[str]) -> str:
+    """Return a name that is known."""
+    from msggen.sim.parts import checked
+
     try:
-        check(name)
+        return checked(what, name, known)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-    return name
 
 
 @Deferred

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from logging import CRITICAL, getLogger
+from logging import CRITICAL
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from msggen.cli.link import add_link, connection
 from msggen.cli.options import ENDED_CODES, Run, add_shared, add_value, new_command
 from msggen.cli.packages import check_reading, needing, read_errors
 from msggen.cli.values import local_path, non_empty, whole
-from msggen.cli.watching import rounds, watching
+from msggen.cli.watching import rounds, telling, watching
 from msggen.generate.cache import package_of
 from msggen.sources.embedded import EMBEDDED
 
@@ -62,12 +62,11 @@ def _view(options: argparse.Namespace) -> None:
     with needing("view", "L111"):
         from msggen.show.view import recording
     del recording
-    for name in ("foxglove", "foxglove_py"):  # they tell what single clients do
-        getLogger(name).setLevel(CRITICAL)
-    if options.file:
-        _show_recording(options)
-    else:
-        _show_vehicle(options)
+    with telling(CRITICAL, "foxglove", "foxglove_py"):  # which tell what single clients do
+        if options.file:
+            _show_recording(options)
+        else:
+            _show_vehicle(options)
 
 
 def _show_vehicle(options: argparse.Namespace) -> None:

@@ -77,10 +77,10 @@ def is_fleet(path: str) -> bool:
 
 def _is_folder_in_store(address: str) -> bool:
     check_reading("R102")
-    from msggen.exports.fleet.listing import is_folder
+    from msggen.exports.fleet.finding import is_folder_in_store
 
     with store_errors("R102"):
-        return is_folder(address)
+        return is_folder_in_store(address)
 
 
 def convert_fleet(options: argparse.Namespace) -> int:
@@ -194,7 +194,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     size = number_of_bytes(sum(each.size for each in summary.written))
     converted = (
         f"{counted(len(done), 'recording')} converted in {seconds:.1f} s, "
-        f"{counted_samples(sum(each.rows for each in done))} in {files}, {size}"
+        f"{counted_samples(sum(each.samples for each in done))} in {files}, {size}"
     )
     yield f"{fleet}: {converted if done else 'nothing new'}"
     for number, text in (
@@ -206,7 +206,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     ):
         if number:
             yield f"  {number:6} {text}"
-    if summary.known:
+    if summary.records:
         document = summary.document()
         yield f"vehicles: {few(list(document['vehicles']))}"
         yield f"dates: {few(list(document['dates']))}"
