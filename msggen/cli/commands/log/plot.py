@@ -31,9 +31,8 @@ _WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 @new_command(
     "plot",
     "plot fields over time, step responses, spectra and others, to a file or in a window",
-    "Plot fields of a recording over time: those of one unit share a panel, values with names are "
-    "bands, and the flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, "
-    "thrust, innovations.",
+    "Plot fields of a recording over time: those of one unit share a panel, values with names are bands, and the "
+    "flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, thrust, innovations.",
     epilog=CODES,
 )
 def add_to(parser: argparse.ArgumentParser) -> Run:
