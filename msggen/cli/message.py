@@ -27,7 +27,7 @@ _PATIENCE = 3.0
 """How long to wait in s for what the vehicle says of a definition."""
 _TIMEOUT = 5.0
 _ARGUMENT = "VALUES"
-_SLICE = 0.05
+_SLICE = 0.01
 _DISCOVERY = 1.0
 """How long an agent takes in s to find a new writer in DDS (docs/links.md)."""
 
@@ -102,14 +102,19 @@ def settle(found: Connection, topic: Named) -> Named:
 
 def wait_told(found: Connection, ros_type: str) -> None:
     """Wait until the vehicle has told its definition of a type, and in DDS until the writer is found."""
-    deadline = time.monotonic() + _PATIENCE
+    wait_hash(found, ros_type, _PATIENCE)
+    if type_named(found.link).has_domain:
+        time.sleep(_DISCOVERY)
+
+
+def wait_hash(found: Connection, ros_type: str, patience: float) -> None:
+    """Wait until the vehicle has told its definition of a type, up to `patience` s."""
+    deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
         firmware = found.vehicle.firmware
         if firmware.is_complete or ros_type in firmware.hashes:
-            break
+            return
         time.sleep(_SLICE)
-    if type_named(found.link).has_domain:
-        time.sleep(_DISCOVERY)
 
 
 _NAME = re.compile(r"(?:^|[{,])\s*(\w*)\Z")

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from msggen.check.finding import Report
 
 _WIDTH_OF_A_LOG = 120
+FEW = 10
+"""The largest number of stale files that are listed."""
 
 
 def print_report(report: Report, options: argparse.Namespace) -> None:

@@ -87,8 +87,7 @@ def _problem(sample: SampleSeen, message: type[Any], error: ValueError) -> str:
 
 def _values(message: Any) -> dict[str, Any]:
     """Return the fields of a message that are numbers, or tuples of numbers."""
-    values = {field.name: getattr(message, field.name) for field in message.__msg__.fields}
-    return {name: _plain(value) for name, value in values.items()}
+    return {field.name: _plain(getattr(message, field.name)) for field in message.__msg__.fields}
 
 
 def _plain(value: Any) -> Any:

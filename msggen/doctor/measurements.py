@@ -43,13 +43,10 @@ def find_dropped(case: Case) -> Iterator[Change]:
     for vehicle in case.alive:
         unread = sent(case, vehicle).get(UNREAD)
         if unread is not None:
-            yield case.change(
-                unread.route.name,
-                f"'{unread.route.name}' from {unread.senders} is not read by EKF2: publish the same on {LOCAL}",
-            )
+            yield unread.change(case, f"is not read by EKF2: publish the same on {LOCAL}")
         for name, each in measured(case, vehicle):
             for problem in _dropped(name, each.values):
-                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
+                yield each.change(case, problem)
 
 
 def _dropped(name: str, values: Values) -> Iterator[str]:
@@ -65,7 +62,7 @@ def find_wrong_times(case: Case) -> Iterator[Change]:
         for _, each in measured(case, vehicle):
             problem = _wrong_time(case, vehicle, each)
             if problem:
-                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
+                yield each.change(case, problem)
 
 
 def _wrong_time(case: Case, vehicle: VehicleSeen, each: Sent) -> str:
@@ -98,11 +95,8 @@ def find_slow(case: Case) -> Iterator[Change]:
     for vehicle in case.alive:
         for name, each in measured(case, vehicle):
             if name == LOCAL and 0 < each.seen.rate < SLOWEST:
-                yield case.change(
-                    each.route.name,
-                    f"'{each.route.name}' from {each.senders} comes at {each.seen.rate:.1f} Hz, and EKF2 starts to "
-                    f"fuse at {SLOWEST:g} Hz: send 10 to 50 a second",
-                )
+                need = f"EKF2 starts to fuse at {SLOWEST:g} Hz: send 10 to 50 a second"
+                yield each.change(case, f"comes at {each.seen.rate:.1f} Hz, and {need}")
 
 
 def find_unfused(case: Case) -> Iterator[Change]:
@@ -120,7 +114,7 @@ def find_unfused(case: Case) -> Iterator[Change]:
             state = f"is not fused ({', '.join(off)} of estimator_status_flags {are} false)" if off else "is rejected"
             if reasons:
                 why = "; ".join(dict.fromkeys(reasons.values()))
-                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {state}: {why}")
+                yield each.change(case, f"{state}: {why}")
 
 
 def _is_good(case: Case, vehicle: VehicleSeen, name: str, each: Sent) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -49,6 +49,10 @@ class Sent(NamedTuple):
     def senders(self) -> str:
         """The programs, for people."""
         return few([str(each) for each in self.seen.programs if each.samples]) or "an unknown program"
+
+    def change(self, case: Case, text: str) -> Change:
+        """Return a finding about what is sent."""
+        return case.change(self.route.name, f"'{self.route.name}' from {self.senders} {text}")
 
     @property
     def values(self) -> Values:
@@ -119,11 +123,8 @@ def find_unreadable(case: Case) -> Iterator[Change]:
     for vehicle in case.alive:
         for each in sent(case, vehicle).values():
             if each.seen.last and (problem := each.seen.last[-1].problem):
-                yield case.change(
-                    each.route.name,
-                    f"'{each.route.name}' from {each.senders} is not accepted: {problem}; build the program with the "
-                    "definitions of the vehicle's firmware",
-                )
+                cure = "build the program with the definitions of the vehicle's firmware"
+                yield each.change(case, f"is not accepted: {problem}; {cure}")
     for name, dds_type, readers in case.seen.writers:
         if readers and dds_type not in readers and _is_meant(case, name):
             yield case.change(
@@ -212,7 +213,7 @@ def find_empty(case: Case) -> Iterator[Change]:
         for each in setpoints(case, vehicle).values():
             problem = _uncontrolled(each.values)
             if problem:
-                yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
+                yield each.change(case, problem)
 
 
 def _uncontrolled(values: Values) -> str:
@@ -301,27 +302,26 @@ def find_downward(case: Case) -> Iterator[Change]:
     """Find setpoints that mean up and point down, because z is positive downward."""
     for vehicle in case.alive:
         found = setpoints(case, vehicle)
-        for name, problem in _downward(found, vehicle):
-            each = found[name]
-            yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
+        for each, problem in _downward(found.values(), vehicle):
+            yield each.change(case, problem)
 
 
-def _downward(found: Mapping[str, Sent], vehicle: VehicleSeen) -> Iterator[tuple[str, str]]:
-    """Yield the names of setpoints that point down, and what to do."""
+def _downward(found: Iterable[Sent], vehicle: VehicleSeen) -> Iterator[tuple[Sent, str]]:
+    """Yield the setpoints that point down, and what to do."""
     height = vehicle.state("vehicle_local_position").get("z", 0.0)
     is_landed = vehicle.state("vehicle_land_detected").get("landed", False)
-    for name, each in found.items():
+    for each in found:
         z, speed = (each.values.get(field, (math.nan,) * 3)[2] for field in ("position", "velocity"))
         thrust = each.values.get("thrust_body", (0.0,) * 3)[2]
         if z > max(0.0, height) + _BELOW:
             yield (
-                name,
+                each,
                 f"has z = {z:g} m, which is below the origin: z points down in PX4 (NED), use {-z:g} for {z:g} m up",
             )
         elif is_landed and math.isnan(z) and speed > 0:
-            yield name, f"has the velocity z = {speed:g} m/s, which points down (NED): use {-speed:g} to climb"
+            yield each, f"has the velocity z = {speed:g} m/s, which points down (NED): use {-speed:g} to climb"
         if thrust > 0 and vehicle.state("vehicle_status").get("vehicle_type") == ROTARY_WING:
             yield (
-                name,
+                each,
                 f"has `thrust_body[2]` = {thrust:g}, which points down (FRD): use {-thrust:g} for a multicopter",
             )

@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
 from msggen.base.diagnostics import CODES, Diagnostic, InputError, suggestion
 from msggen.base.location import Location
@@ -392,73 +390,23 @@ def test_errors_are_no_findings(option: str, working_folder: Path, capsys: pytes
     assert "M401" in capsys.readouterr().err
 
 
-# Arbitrary file contents
+# Odd files; the campaigns `definitions` and `readers` of tests/fuzz try any
 
-WORDS = ["uint8", "float32", "Foo", "std_msgs/Header", "string", "a", "A", "timestamp", "=", "-1", "0x", "1e999"]
-WORDS += ["[", "]", "[3]", "[<=", "<=", "/", "# TOPICS", "#", "---", "'", '"', "\\", " ", "  ", "\t", "\n", "\r\n"]
-WORDS += ["\0", "é", "{{", "%"]
-KEYS = ["publications", "subscriptions_multi", "topic", "type", "rate_limit", "instance", "options", "/fmu/out/foo"]
-KEYS += [
-    "px4_msgs::msg::Foo",
-    ": ",
-    "- ",
-    "\n",
-    "\n  ",
-    "[",
-    "]",
-    "{",
-    "}",
-    ",",
-    "&a ",
-    "*a",
-    "!!int ",
-    "!",
-    "<<",
-    "? ",
-]
-KEYS += ["|", "'", '"', "~", "---", "#", ".inf", ".nan", "1e999", "0x1", "1:30", "-1", "9" * 20, "\t", "%", "\\e"]
 
-ANY_TEXT = st.one_of(
-    st.binary(max_size=60), st.text(max_size=60).map(lambda text: text.encode("utf-8", "surrogatepass"))
+@pytest.mark.parametrize(
+    "data",
+    [
+        b'publications:\n- topic: "/a\\n\\e[31m"\n  type: px4_msgs::msg::Foo\n',  # escapes that YAML decodes
+        b"publications: &a [*a]",
+        b"? &a {*a: *a}\n: 1",
+    ],
 )
-
-
-def is_one_plain_line(text: str) -> bool:
-    """Whether a terminal shows `text` unchanged: no line ends, no escapes, no change of text direction."""
-    return not re.search(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]", text)
-
-
-def made_of(words: list[str]) -> st.SearchStrategy[bytes]:
-    """Return texts that resemble the grammar of `words`."""
-    return st.lists(st.sampled_from(words), max_size=25).map(lambda chosen: "".join(chosen).encode())
-
-
-@pytest.mark.slow
-@given(st.one_of(ANY_TEXT, made_of(WORDS)))
-def test_any_message_is_read_or_refused(data: bytes) -> None:
-    for error in errors_in(data):
+def test_a_yaml_with_escapes_or_loops_is_refused_in_plain_lines(data: bytes) -> None:
+    found = errors_in(STAMP.encode(), data)
+    assert found
+    for error in found:
         assert error.code in CODES
-        assert is_one_plain_line(str(error))
-
-
-@pytest.mark.slow
-@given(st.one_of(ANY_TEXT, made_of(KEYS)))
-@example(b'publications:\n- topic: "/a\\n\\e[31m"\n  type: px4_msgs::msg::Foo\n')  # escapes that YAML decodes
-@example(b'"a\\nb": 1')
-@example(b"publications: &a [*a]")
-@example(b"? &a {*a: *a}\n: 1")
-def test_any_yaml_is_read_or_refused(data: bytes) -> None:
-    for error in errors_in(STAMP.encode(), data):
-        assert error.code in CODES
-        assert is_one_plain_line(str(error))
-
-
-@pytest.mark.slow
-@given(st.one_of(ANY_TEXT, made_of(WORDS)))
-def test_any_service_is_read_or_refused(data: bytes) -> None:
-    for error in errors_in(STAMP.encode(), service=data):
-        assert error.location.path == SERVICE
-        assert is_one_plain_line(str(error))
+        assert str(error).isprintable()
 
 
 def test_a_yaml_that_nests_without_end_is_refused() -> None:

@@ -16,10 +16,7 @@ from typing import Any, cast
 
 import pytest
 
-from msggen.check.finding import Report
 from msggen.doctor import watching as observe
-from msggen.doctor.case import Case
-from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Expected, expected_of
 from msggen.doctor.listener import Observer
 from msggen.doctor.observation import Observation, TopicSeen, VehicleSeen
@@ -29,6 +26,7 @@ from msggen.link.udp import UdpLink
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.owned.places import CAN_SHARE
 from msggen.vehicle.owned.unix import UnixLink
+from support.findings import ids, judged
 from support.link_records import PATIENCE, nothing_is_left
 from support.ports import free_port
 from support.served import served
@@ -159,11 +157,7 @@ def _timeless(vehicle: VehicleSeen) -> VehicleSeen:
 
 
 def findings(seen: Observation, expected: Expected) -> list[str]:
-    return ids(diagnose(Case(seen, dict.fromkeys((each.remote.number for each in seen.vehicles), expected))))
-
-
-def ids(report: Report) -> list[str]:
-    return [finding.rule.id for finding in report.findings]
+    return ids(judged(seen, expected))
 
 
 def wait_for(condition: Callable[[], object], patience: float = PATIENCE) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from msggen.link.link import Route
+from msggen.show.report.json import dump
 from msggen.show.top.drawing import plain
 from msggen.show.top.rows import SECONDS, Health, History, Table, as_document, health_of, limits_of, rows_of, sparkline
 from msggen.vehicle.meter import Meter
@@ -84,7 +85,7 @@ def test_a_meter_keeps_the_samples_of_its_window_only() -> None:
 def test_the_document_and_the_plain_table_have_the_same_topics() -> None:
     meter = heard(STATUS, 1.0, 1.5, 2.0)
     table = Table(rows_of([STATUS, ACK], meter.flows(2 * SECOND), {}, "uav_1", 2 * SECOND), "v1.18")
-    document = json.loads(json.dumps(as_document(table), allow_nan=False))
+    document = json.loads(dump(as_document(table)))
     heading, *lines = plain(table)
     assert heading.split() == ["topic", "Hz", "limit", "age", "s", "kB/s", "bytes", "samples", "longest", "s"]
     assert [line.split()[0] for line in lines] == [each["topic"] for each in document["topics"]]
@@ -153,5 +154,5 @@ def test_what_no_message_tells_is_not_known(px4_types: ModuleType) -> None:
     for battery in (None, px4_types.BatteryStatus(remaining=-1.0), px4_types.BatteryStatus(remaining=math.nan)):
         health = health_of(None, battery)
         assert (health[:3], math.isnan(health.battery), health.warning) == (("", "", False), True, "")
-    document = as_document(Table((), "", health=health_of(None, None)))
+    document = json.loads(dump(as_document(Table((), "", health=health_of(None, None)))))
     assert (document["mode"], document["arming"], document["battery"]) == (None, None, None)

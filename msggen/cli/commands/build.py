@@ -16,15 +16,12 @@ from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.cli.options import WRITING_CODES, Run, add_flag, add_shared, add_sources, add_value, new_command, writes
-from msggen.cli.printing import print_notices, print_plan, stale_lines
+from msggen.cli.printing import FEW, print_notices, print_plan, stale_lines
 from msggen.cli.source_options import settings_of, sources_of
 from msggen.cli.values import non_empty
 from msggen.generate.build import Build
 from msggen.sources.finding import Sources, with_archived
 from msggen.sources.settings import Settings
-
-_FEW = 10
-"""The largest number of stale files that are listed without `--verbose`."""
 
 
 @new_command(
@@ -94,7 +91,7 @@ def _report(outcome: Outcome, label: str, seconds: float, *, write: bool, verbos
         yield f"{outcome.folder} is up to date, {len(outcome.outputs)} files"
         return
     if not write:
-        yield from stale_lines(plan, None if verbose else _FEW)
+        yield from stale_lines(plan, None if verbose else FEW)
         return
     if verbose:
         yield from (f"wrote {os.path.join(plan.folder, name)}" for name in plan.written)

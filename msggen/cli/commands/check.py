@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 from shlex import quote
 from typing import TYPE_CHECKING
 
@@ -170,8 +171,6 @@ def _note(options: argparse.Namespace, embedded: Sources) -> Diagnostic:
 
 def _with_advice(report: Report, embedded: Sources) -> Report:
     """Return `report` with the note at its end too, if findings separate it from the summary."""
-    from dataclasses import replace
-
     text = f"no firmware was named, so these are differences from {embedded.label}: name the firmware with --px4"
     missing = sum(finding.rule.id == "MESSAGE_REMOVED" for finding in report.findings)
     if missing * 2 > len(embedded.messages):
@@ -190,8 +189,6 @@ def _with_commands(report: Report, command: str, known: Record) -> Report:
 
 def _with_installation(report: Report, reference: str) -> Report:
     """Return `report` with the way to install a package that matches `reference`."""
-    from dataclasses import replace
-
     command = f"msggen sync{shell_options({'--px4': reference})} src/px4_msgs"
     way = f"`{command}` (--create if it is new), then build it with colcon and source its setup file"
     return replace(report, advice=f"to fix: in a workspace, {way}") if report.fails else report

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import CODES, InputError
 from msggen.base.foreign import unguarded
 from msggen.cli.commands.call import request_like
 from msggen.cli.message import values_like
@@ -82,7 +83,6 @@ def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentPars
 
 def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:
     """Return a completer of names that types have. Without the types, or a topic, there are none."""
-    from msggen.base.diagnostics import InputError
 
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         try:
@@ -100,8 +100,6 @@ def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]], dest: 
     A source that someone has begun to write can be both: `inst` is the beginning of `installed` and of `install/`.
     """
     from argcomplete.completers import FilesCompleter
-
-    from msggen.base.diagnostics import InputError
 
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         done, comma, word = prefix.rpartition(",")
@@ -169,7 +167,6 @@ def _rules(_: argparse.Namespace) -> Iterable[str]:
 
 
 def _explained(options: argparse.Namespace) -> Iterable[str]:
-    from msggen.base.diagnostics import CODES
     from msggen.show.report.explained import OF_COMMANDS
     from msggen.show.report.rules import MARKS
 

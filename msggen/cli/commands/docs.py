@@ -12,7 +12,7 @@ from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.breaking import previous_sources
 from msggen.cli.options import WRITING_CODES, Run, add_shared, add_sources, add_value, new_command, writes
-from msggen.cli.printing import print_notices, print_plan, stale_lines
+from msggen.cli.printing import FEW, print_notices, print_plan, stale_lines
 from msggen.cli.source_options import settings_of, source_here, sources_of
 from msggen.cli.values import local_path
 from msggen.generate.site.build import SiteBuild, SiteOptions
@@ -20,9 +20,6 @@ from msggen.sources.embedded import EMBEDDED, PREFIX
 from msggen.sources.finding import Sources, find_sources
 
 _FORMATS = ("html", "markdown")
-
-_FEW = 10
-"""The largest number of stale files that are listed."""
 
 
 @new_command(
@@ -91,4 +88,4 @@ def _report(outcome: Outcome, seconds: float, *, write: bool) -> Iterator[str]:
         yield f"{folder}: {outcome.summary}"
         yield f"{counts}, {len(plan.files) - len(plan.written)} unchanged, in {seconds:.2f} s"
     else:
-        yield from stale_lines(plan, _FEW)
+        yield from stale_lines(plan, FEW)

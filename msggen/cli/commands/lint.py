@@ -20,10 +20,9 @@ from msggen.sources.tree_layout import find_definitions
 @new_command(
     "lint",
     "advise on the quality of message definitions",
-    "Report tags that cannot be read, unknown units and frames, and other weak points of definitions; "
-    "`msggen rules` lists the rules. The definitions are those of --px4 and --msg-dir, or of the settings px4 and "
-    "msg-dir, or else of the current folder. Embedded ones are only checked if --px4 names them. Name messages to "
-    "check only these.",
+    "Report tags that cannot be read, unknown units and frames, and other weak points of definitions; `msggen rules` "
+    "lists the rules. The definitions are those of --px4 and --msg-dir, or of the settings px4 and msg-dir, or else of "
+    "the current folder. Embedded ones are only checked if --px4 names them. Name messages to check only these.",
     epilog=f"{FINDING_CODES} All findings are warnings: they fail the run only with --strict. Sources and rules "
     "(select, ignore, per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
 )

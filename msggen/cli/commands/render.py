@@ -12,16 +12,13 @@ from msggen.base.disk.depfile import check_depfile, write_depfile
 from msggen.base.disk.output import stale_files, write_stale_files
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import WRITING_CODES, Run, add_shared, add_sources, add_value, new_command, writes
-from msggen.cli.printing import print_change, print_notices
+from msggen.cli.printing import FEW, print_change, print_notices
 from msggen.cli.source_options import settings_of, sources_of
 from msggen.cli.values import local_path, non_empty
 from msggen.generate.render import THINGS
 
 _STDOUT = "-"
 """The output folder that stands for stdout."""
-
-_FEW = 10
-"""The largest number of stale files that are listed."""
 
 
 @new_command(
@@ -130,9 +127,9 @@ def _report(options: argparse.Namespace, stale: Sequence[str], number: int, labe
     """Yield lines that report the changes made, or with `--check` or `--diff` the changes to make."""
     write = writes(options)
     if not write:
-        yield from (f"to write: {os.path.join(options.output, name)}" for name in stale[:_FEW])
-        if len(stale) > _FEW:
-            yield f"... and {len(stale) - _FEW} more"
+        yield from (f"to write: {os.path.join(options.output, name)}" for name in stale[:FEW])
+        if len(stale) > FEW:
+            yield f"... and {len(stale) - FEW} more"
     else:
         count = "" if options.each == "catalog" else f": {counted(number, options.each)}"
         yield f"{os.path.basename(options.template)} from {label}{count}"

@@ -63,16 +63,15 @@ class Events(logging.Handler):
                 self._status.show(*filter(None, (line,)), state=self._state)
 
     def _state(self) -> str:
-        return "" if self._owner is None else state_of(self._owner)
-
-
-def state_of(owner: Owner) -> str:
-    """Return who uses a link, and what arrives, for people."""
-    with owner.lock:
-        programs = sum(program.has_joined for program in owner.programs)
-        lost = sum(vehicle.lost for vehicle in owner.vehicles.values())
-        users = f"{counted(len(owner.vehicles), 'vehicle')}, {counted(programs, 'program')}"
-    return f"{users}, {owner.rate:.0f} samples/s, {lost} lost"
+        """Return who uses the link, and what arrives, for people."""
+        owner = self._owner
+        if owner is None:
+            return ""
+        with owner.lock:
+            programs = sum(program.has_joined for program in owner.programs)
+            lost = sum(vehicle.lost for vehicle in owner.vehicles.values())
+            users = f"{counted(len(owner.vehicles), 'vehicle')}, {counted(programs, 'program')}"
+        return f"{users}, {owner.rate:.0f} samples/s, {lost} lost"
 
 
 @contextmanager

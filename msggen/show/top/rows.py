@@ -179,34 +179,30 @@ def limits_of(package: ModuleType) -> dict[str, float]:
 
 
 def as_document(table: Table) -> dict[str, Any]:
-    """Return the table for JSON: units are in the keys, and None stands for what is not known."""
+    """Return the table for JSON, in which what is not known is None or NaN. Units are in the keys."""
     return {
         "vehicle": table.label,
         "mode": table.health.mode or None,
         "arming": table.health.arming or None,
         "failsafe": table.health.is_failsafe,
-        "battery": _known(table.health.battery),
+        "battery": table.health.battery,
         "lost": table.lost,
         "topics": [
             {
                 "topic": row.topic,
                 "message": row.message,
-                "rate_hz": _known(row.rate),
-                "limit_hz": _known(row.limit),
-                "age_s": _known(row.age),
-                "bandwidth_bytes_per_s": _known(row.bandwidth),
-                "size_bytes": _known(row.size),
+                "rate_hz": row.rate,
+                "limit_hz": row.limit,
+                "age_s": row.age,
+                "bandwidth_bytes_per_s": row.bandwidth,
+                "size_bytes": row.size,
                 "samples": row.samples,
-                "longest_interval_s": _known(row.longest),
+                "longest_interval_s": row.longest,
                 "state": row.state,
             }
             for row in table.rows
         ],
     }
-
-
-def _known(number: float) -> float | None:
-    return None if math.isnan(number) else number
 
 
 def _sum(numbers: Iterable[float]) -> float:

@@ -47,8 +47,8 @@ def _compare(options: argparse.Namespace) -> int:
             print(dump(_document(comparison, logs)))
         else:
             for file, log in zip((options.file, options.other), logs, strict=True):
-                print_notes(argparse.Namespace(file=file), log.notes)
-                print_problems(argparse.Namespace(file=file), log.problems)
+                print_notes(file, log.notes)
+                print_problems(file, log.problems)
             _print(comparison, logs)
         return FINDINGS if any(log.problems for log in logs) else DONE
 

@@ -77,8 +77,8 @@ def _findings(options: argparse.Namespace) -> int:
         if options.json:
             print(dump(document))
         else:
-            print_notes(options, document["notes"])
-            print_problems(options, log.problems)
+            print_notes(options.file, document["notes"])
+            print_problems(options.file, log.problems)
             for line in _lines(document, is_whole=options.verbose):
                 print(line)
         return FINDINGS if fails(document) else DONE

@@ -67,7 +67,7 @@ def _info(options: argparse.Namespace) -> int:
             made = _object(log, rows)
             print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
         else:
-            print_problems(options, log.problems)
+            print_problems(options.file, log.problems)
             for name, text in (*_rows(log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
             if not has_gaps:
@@ -196,7 +196,7 @@ def _print_topic(options: argparse.Namespace, log: Log, row: _Row) -> None:
     for name, text in _topic_rows(log, row):
         print(f"{name:<11} {printable(text)}")
     print_fields(row.topic)
-    print_problems(options, log.problems)
+    print_problems(options.file, log.problems)
 
 
 def _topic_rows(log: Log, row: _Row) -> Iterator[tuple[str, str]]:

@@ -163,9 +163,10 @@ def summarise(options: argparse.Namespace, path: str, converted: Converted, seco
         }
         print(dump(made))
         return
-    print_problems(options, converted.problems)
+    file = getattr(options, "file", "")  # of merge, problems and notes name the recordings
+    print_problems(file, converted.problems)
     if not options.quiet:
-        print_notes(options, converted.notes)
+        print_notes(file, converted.notes)
     if not options.quiet and converted.rows:
         kinds = {os.path.splitext(each)[1] for each in converted.files}
         kind = f" ({', '.join(kinds)})" if len(kinds) == 1 else ""  # what a folder's name does not tell
@@ -174,15 +175,15 @@ def summarise(options: argparse.Namespace, path: str, converted: Converted, seco
         print(f"{path}: {counted_samples(converted.rows)}{files}, {number_of_bytes(size)}")
 
 
-def print_problems(options: argparse.Namespace, problems: Iterable[Problem]) -> None:
+def print_problems(file: str, problems: Iterable[Problem]) -> None:
     """Print what a recording has and what was not read, to stderr."""
     for each in problems:
-        print(f"{each.path or options.file}: {problem_text(each)}", file=sys.stderr)
+        print(f"{each.path or file}: {problem_text(each)}", file=sys.stderr)
 
 
-def print_notes(options: argparse.Namespace, notes: Iterable[str]) -> None:
+def print_notes(file: str, notes: Iterable[str]) -> None:
     """Print where definitions are from that are not in the recording, to stderr."""
-    front = f"{options.file}: " if hasattr(options, "file") else ""  # notes on several recordings name them
+    front = f"{file}: " if file else ""
     for each in notes:
         print(printable(f"{front}{each}"), file=sys.stderr)
 

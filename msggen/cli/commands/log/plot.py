@@ -31,9 +31,8 @@ _WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 @new_command(
     "plot",
     "plot fields over time, step responses, spectra and others, to a file or in a window",
-    "Plot fields of a recording over time: those of one unit share a panel, values with names are "
-    "bands, and the flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, "
-    "thrust, innovations.",
+    "Plot fields of a recording over time: those of one unit share a panel, values with names are bands, and the "
+    "flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, thrust, innovations.",
     epilog=CODES,
 )
 def add_to(parser: argparse.ArgumentParser) -> Run:
@@ -68,10 +67,10 @@ def _plot(options: argparse.Namespace) -> int:
             series, empty = _read(options, log)
         _check_window(options, mpl)
         if not options.quiet and any(plot.parse_path(log, path)[0].is_lent for path in options.fields):
-            print_notes(options, log.notes)
+            print_notes(options.file, log.notes)
         if empty:
             print(f"{options.file}: there are no samples of {few(empty)}{asked_time(options)}", file=sys.stderr)
-        print_problems(options, log.problems)
+        print_problems(options.file, log.problems)
         if series and options.output:
             write_picture(options, _drawn(options, log, series))
         elif series:
@@ -115,7 +114,7 @@ def _plot_kind(options: argparse.Namespace, log: Log) -> int:
 
     with busy_bar(options, f"reading {options.file}"):
         figure = drawn()
-    print_problems(options, log.problems)
+    print_problems(options.file, log.problems)
     if figure is not None and options.output:
         write_picture(options, figure)
     if texts and not options.quiet:

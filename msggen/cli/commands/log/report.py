@@ -53,10 +53,9 @@ def _report(options: argparse.Namespace) -> int:
             logs = stack.enter_context(both_opened(options))
         page = _page(options, logs).encode()
         for file, log in zip((options.file, options.other), logs, strict=False):
-            named = argparse.Namespace(file=file)
             if not options.quiet:
-                print_notes(named, log.notes)
-            print_problems(named, log.problems)
+                print_notes(file, log.notes)
+            print_problems(file, log.problems)
         write_whole(output, page)
         if not options.quiet:
             print(f"{output}: {number_of_bytes(len(page))}")

@@ -82,10 +82,10 @@ def _show(options: argparse.Namespace) -> int:
             print(f"{options.file}: {_nothing(options, log)}{asked_time(options)}", file=sys.stderr)
         sys.stdout.flush()
         if topic and topic.is_lent:
-            print_notes(options, log.notes)
+            print_notes(options.file, log.notes)
         if options.texts:
-            print_notes(options, log.event_notes)
-        print_problems(options, log.problems)
+            print_notes(options.file, log.event_notes)
+        print_problems(options.file, log.problems)
         return DONE if found and not log.problems else FINDINGS
 
 

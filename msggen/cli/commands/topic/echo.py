@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
+from operator import itemgetter
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.topic.naming import SPELLINGS, format_errors, heard, named
 from msggen.cli.commands.topic.printer import Printer, check_fields, condition_of
 from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.message import wait_hash
 from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.values import local_path, non_empty, positive
@@ -146,13 +147,9 @@ def _confirmed(found: Connection, topic: Named) -> Named:
     """Return a topic with the vehicle's definition, which is waited for: no message of another one is printed."""
     from msggen.link.link import LinkError
 
-    deadline = time.monotonic() + _PATIENCE
     with suppress(LinkError):
-        while topic.route is not None and time.monotonic() < deadline:
-            firmware = found.vehicle.firmware
-            if firmware.is_complete or topic.route.ros_type in firmware.hashes:
-                break
-            time.sleep(_PERIOD / 5)
+        if topic.route is not None:
+            wait_hash(found, topic.route.ros_type, _PATIENCE)
         return found.fitting(topic)
     return topic
 
@@ -163,11 +160,6 @@ class _Stream:
     def __init__(self, topic: Named, samples: Subscription[Any], printer: Printer) -> None:
         self.topic, self.samples, self.printer = topic, samples, printer
         self._is_told = False
-
-    def arrived(self) -> Iterator[tuple[int, Any]]:
-        """Yield the times and messages that have arrived. Raises FormatError."""
-        for message, arrival in self.samples.arrived():
-            yield arrival, message
 
     def take_last(self) -> None:
         """Print the last message from before this command, if the process that owns the link has it."""
@@ -216,15 +208,15 @@ def _print_arrived(streams: Sequence[_Stream]) -> None:
     """Print what has arrived of all topics, by the time of arrival. Raises FormatError."""
     if len(streams) == 1:
         (stream,) = streams
-        for arrival, message in stream.arrived():
+        for message, arrival in stream.samples.arrived():
             stream.printer.take(message, arrival)
             if stream.printer.is_done:
                 return
         return
-    rows = [(arrival, index, message) for index, each in enumerate(streams) for arrival, message in each.arrived()]
-    for arrival, index, message in sorted(rows, key=lambda row: row[:2]):
-        if not streams[index].printer.is_done:
-            streams[index].printer.take(message, arrival)
+    rows = [(each.printer, *arrived) for each in streams for arrived in each.samples.arrived()]
+    for printer, message, arrival in sorted(rows, key=itemgetter(2)):
+        if not printer.is_done:
+            printer.take(message, arrival)
 
 
 def _absence(topic: Named) -> str:
