@@ -136,12 +136,12 @@ def growth(folder: Path, steps: Sequence[int]) -> Iterator[dict[str, float]]:
                 write_tiny(logs / f"{number // 100:04}" / f"{number:06}.ulg", number)
             done = end
             update(str(logs), fleet)
-        found: dict[str, float] = {"logs": done, "files": len(Disk(fleet).places())}
+        found: dict[str, float] = {"logs": done, "files": len(Disk(fleet).names())}
         found["compaction"] = spent(lambda: compact(fleet))
-        found["files after"] = len(Disk(fleet).places())
+        found["files after"] = len(Disk(fleet).names())
         found["list"] = os.path.getsize(f"{fleet}/{TABLE}")
         found["read"] = spent(lambda: read(fleet))
-        found["listing"] = spent(lambda: Disk(fleet).places())
+        found["listing"] = spent(lambda: Disk(fleet).names())
         found["again"] = spent(lambda: update(str(logs), fleet))
         yield found
 

@@ -19,14 +19,14 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from environment import HERE, ROOT
 from link_sender import Load, Send, endpoints, send_all, sensor_combined
 from msggen.link.dds import LOOPBACK, DdsLink
-from msggen.link.link import Link, Remote, Route, Service
+from msggen.link.link import Link, Listener, Remote, Route, Service
 from msggen.link.udp import UdpLink
 from tables import Table
 
@@ -58,7 +58,7 @@ class Result(NamedTuple):
 HEAD = ["samples", "sent", "lost", "latency: median, us", "99 %, us", "CPU, us a sample"]
 
 
-class Meter:
+class Meter(Listener):
     """A listener that decodes samples and keeps how long they took."""
 
     def __init__(self, topics: int) -> None:
@@ -68,32 +68,14 @@ class Meter:
         self.latencies: list[int] = []
         self.routes: list[tuple[Remote, Route | Service]] = []
 
-    def connected(self, remote: Remote) -> None:
-        """Do nothing."""
-
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Keep a route."""
         self.routes.append((remote, route))
-
-    def disconnected(self, remote: Remote, reason: str) -> None:
-        """Do nothing."""
 
     def sample(self, remote: Remote, route: Route, payload: bytes, _time: int) -> None:  # noqa: ARG002
         """Decode a sample whose timestamp is the time of sending."""
         message = self.decode[route.ros_type](payload)
         self.latencies.append(time.monotonic_ns() - message.timestamp)
-
-    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """Do nothing."""
-
-    def refused(self, remote: Remote, number: int, problem: str) -> None:
-        """Do nothing."""
-
-    def lost(self, remote: Remote, missing: int) -> None:
-        """Do nothing: what arrived is counted."""
-
-    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
-        """Do nothing."""
 
     def warned(self, text: str) -> None:
         """Print a warning."""

@@ -189,10 +189,10 @@ def programs_of_the_test() -> Iterator[None]:
 def what_loggers_tell() -> Iterator[None]:
     """Let the loggers of vehicles tell again what a command has silenced that a test ran in this process."""
     yield
-    for name in ("msggen.live", OTHERS):
-        logger = getLogger(name)
-        logger.disabled, logger.propagate = False, True
-        logger.setLevel(NOTSET)
+    logger = getLogger("msggen.live")
+    logger.disabled, logger.propagate = False, True
+    logger.setLevel(NOTSET)
+    assert getLogger(OTHERS).level == NOTSET, "a command has silenced a logger of the program that calls it"
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from msggen.analysis import devices
-from msggen.analysis.facts import facts_of
-from msggen.analysis.figures import figures_of
+from msggen.analysis.figures import facts_of, figures_of
 from msggen.analysis.finding import LEVELS, Finding, Findings, FlightRule
 from msggen.analysis.findings import findings_of
 from msggen.analysis.flight import Flight, flight_of

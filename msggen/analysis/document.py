@@ -39,15 +39,15 @@ def document_of(flight: Flight, findings: Findings) -> dict[str, Any]:
         "findings": list(map(_finding, findings.findings)),
         "unsaid": [{"rule": each.rule.id, "reason": each.reason} for each in findings.silences],
         "clear": [rule.id for rule in findings.clear],
-        "notes": notes_of(flight),
+        "notes": notes_of(flight, "the findings are"),
         "problems": [each.text for each in log.problems],
     }
 
 
-def notes_of(flight: Flight) -> list[str]:
-    """Return which vehicle the findings are about, if there are several, and where definitions are from."""
+def notes_of(flight: Flight, subject: str) -> list[str]:
+    """Return which vehicle `the findings are` about, if there are several, and where definitions are from."""
     shown, others = flight.recorded.namespace or "the vehicle without a namespace", flight.recorded.others
-    return [*([f"the findings are about {shown}, not about: {few(others)}"] if others else ()), *flight.log.notes]
+    return [*([f"{subject} about {shown}, not about: {few(others)}"] if others else ()), *flight.log.notes]
 
 
 def fails(document: Mapping[str, Any]) -> bool:

@@ -1,7 +1,8 @@
-"""What a flight was, in numbers: how long, how far, how high, how fast; and its track."""
+"""What a flight was: the vehicle and its firmware; in numbers how long, how far, how high, how fast; and its track."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,8 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.analysis.recorded import Column, Recorded, tilt_of
-from msggen.messages.earth import RADIUS
-from msggen.messages.gps import HAS_FIX
+from msggen.base.diagnostics import counted
+from msggen.base.recording_formats import FORMATS
+from msggen.messages.earth import HAS_FIX, RADIUS
+from msggen.recordings.columns.annotations import annotation_of
+from msggen.recordings.log.origin import time_of_day
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +40,7 @@ class Track(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """A number about a flight."""
+    """A number about a flight, or what is known of its vehicle or its file."""
 
     name: str
     value: str
@@ -188,3 +192,45 @@ def duration_text(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02} h" if hours else f"{minutes}:{rest:02} min"
+
+
+def facts_of(recorded: Recorded) -> Iterator[Figure]:
+    """Yield what is known of the vehicle, its firmware and the file, "" for what is not."""
+    log = recorded.log
+    yield Figure("Vehicle", _vehicle(recorded))
+    hardware = [str(log.information.get(name, "")) for name in ("ver_hw", "ver_hw_subtype")]
+    yield Figure("Board", ", ".join(filter(None, [*hardware, log.vehicle])))
+    airframe = log.parameters.get("SYS_AUTOSTART")
+    yield Figure("Airframe", "" if airframe is None else f"SYS_AUTOSTART {airframe:g}")
+    branch = log.information.get("ver_sw_branch")
+    commit = log.firmware.commit[:12]
+    yield Figure("Firmware", str(log.release()))
+    yield Figure("Commit", f"{commit} of {branch}" if commit and branch else commit)
+    yield Figure(
+        "System",
+        " ".join(str(log.information.get(name, "")) for name in ("sys_name", "sys_os_name", "sys_mcu")).strip(),
+    )
+    start = time_of_day(log.start, log.utc_offset)
+    yield Figure("Start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "")
+    format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
+    count = sum(topic.count > 0 for topic in log.topics)
+    file = os.path.basename(os.path.abspath(log.path))
+    yield Figure("File", f"{file}, {format_}, {counted(count, 'topic')} with samples")
+
+
+def _vehicle(recorded: Recorded) -> str:
+    """Return the kind of the vehicle, and its namespace."""
+    samples = recorded.samples("vehicle_status")
+    parts = []
+    if samples is not None:
+        names = samples.array.dtype.names or ()
+        row = samples.array[-1]
+        if "vehicle_type" in names:
+            kinds = annotation_of(samples.topic, "vehicle_type").members
+            kind = kinds.get(int(row["vehicle_type"]), f"type {row['vehicle_type']}")
+            parts.append(kind.replace("_", " ").lower())
+        if "is_vtol" in names and row["is_vtol"]:
+            parts.append("VTOL")
+    if recorded.namespace:
+        parts.append(recorded.namespace)
+    return ", ".join(parts)

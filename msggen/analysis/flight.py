@@ -11,6 +11,7 @@ import numpy as np
 
 from msggen.analysis.figures import Track, track_of
 from msggen.analysis.recorded import Column, Recorded, spans
+from msggen.analysis.spans import Spans, common
 from msggen.analysis.timeline import TOPICS, Timeline, timeline_of
 from msggen.recordings.columns.ordered import median
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
     from msggen.recordings.log.log import Log
 
-Spans = tuple[tuple[float, float], ...]
-"""Stretches of time from a begin to an end, in s after the start."""
 _TOUCHING = "ground_contact", "maybe_landed", "landed"
 """The fields of vehicle_land_detected that are set when a vehicle touches the ground."""
 _SILENT, _INTERVALS = 2.0, 5.0
@@ -207,20 +206,6 @@ def _joined(columns: Sequence[Column]) -> Column:
     times, values = (np.concatenate(each) for each in zip(*(column[:2] for column in columns), strict=True))
     order = np.argsort(times, kind="stable")
     return columns[0]._replace(times=times[order], values=values[order])
-
-
-def common(one: Spans, other: Spans) -> Spans:
-    """Return the times that are in both of two lists of spans, each in the order of time."""
-    found, left, right = list[tuple[float, float]](), 0, 0
-    while left < len(one) and right < len(other):
-        begin, end = max(one[left][0], other[right][0]), min(one[left][1], other[right][1])
-        if begin < end:
-            found.append((begin, end))
-        if one[left][1] < other[right][1]:
-            left += 1
-        else:
-            right += 1
-    return tuple(found)
 
 
 def flight_of(log: Log, is_needed: Callable[[str], bool]) -> Flight:

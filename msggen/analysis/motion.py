@@ -10,7 +10,8 @@ import numpy as np
 
 from msggen.analysis.finding import Unsaid
 from msggen.analysis.recorded import Recorded
-from msggen.analysis.sampling import Spans, flown, runs, usual_interval
+from msggen.analysis.sampling import flown, runs, usual_interval
+from msggen.analysis.spans import Spans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

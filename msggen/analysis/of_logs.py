@@ -32,6 +32,7 @@ _Said = TypeVar("_Said")
 _SOURCE = re.compile(r"(?P<name>\w+)(?:\[(?P<instance>\d{1,3})\])?")
 
 
+@np.errstate(all="ignore")
 def step_responses(log: Log, *, start: float | None = None, stop: float | None = None) -> list[Response]:
     """Return how roll, pitch, yaw and their rates follow a step of their setpoint: six responses.
 
@@ -39,10 +40,10 @@ def step_responses(log: Log, *, start: float | None = None, stop: float | None =
     or a `verdict` that tells why not, such as too little excitation.
     """
     recorded = _recorded(log, response.TOPICS)
-    with np.errstate(all="ignore"):
-        return response.responses_of(recorded, start, stop)
+    return response.responses_of(recorded, start, stop)
 
 
+@np.errstate(all="ignore")
 def sensor_spectrum(
     log: Log, source: str = "gyro", sensor: str = "", *, start: float | None = None, stop: float | None = None
 ) -> Spectrum:
@@ -53,41 +54,40 @@ def sensor_spectrum(
     `density` is in the square of deg/s or m/s² per Hz, with an array for each axis; `amplitude` is in deg/s or m/s².
     """
     recorded = _recorded(log, MOTION)
-    with np.errstate(all="ignore"):
-        return spectrum_of(recorded, _windows(recorded, source, sensor, (start, stop)))
+    return spectrum_of(recorded, _windows(recorded, source, sensor, (start, stop)))
 
 
+@np.errstate(all="ignore")
 def sensor_spectrogram(
     log: Log, source: str = "gyro", sensor: str = "", *, start: float | None = None, stop: float | None = None
 ) -> Spectrogram:
     """Return how strongly a sensor moves over time: the sum of its axes. The arguments are as in `sensor_spectrum`."""
     recorded = _recorded(log, MOTION)
-    with np.errstate(all="ignore"):
-        return spectrogram_of(recorded, _windows(recorded, source, sensor, (start, stop)), start or 0.0, stop)
+    return spectrogram_of(recorded, _windows(recorded, source, sensor, (start, stop)), start or 0.0, stop)
 
 
+@np.errstate(all="ignore")
 def actuator_outputs(log: Log, *, start: float | None = None, stop: float | None = None) -> list[Outputs]:
     """Return the outputs of motors and servos over time, each topic with a histogram of the time in flight.
 
     Without actuator_motors and actuator_servos, they are those of actuator_outputs. None that is never used is there.
     """
     recorded = _recorded(log, outputs.TOPICS)
-    with np.errstate(all="ignore"):
-        return outputs.outputs_of(recorded, start, stop)
+    return outputs.outputs_of(recorded, start, stop)
 
 
+@np.errstate(all="ignore")
 def hover_thrust(log: Log, *, start: float | None = None, stop: float | None = None) -> Thrust:
     """Return the thrust upwards, from 0 to 1, against that at which the vehicle hovers."""
     recorded = _recorded(log, outputs.TOPICS)
-    with np.errstate(all="ignore"):
-        return said(outputs.thrust_of(recorded, start, stop))
+    return said(outputs.thrust_of(recorded, start, stop))
 
 
+@np.errstate(all="ignore")
 def innovations(log: Log) -> list[Innovation]:
     """Return what sources of the estimator measured minus what was expected, with their gates."""
     recorded = Recorded(log, outputs.is_needed)
-    with np.errstate(all="ignore"):
-        return outputs.innovations_of(recorded)
+    return outputs.innovations_of(recorded)
 
 
 def sources(name: str) -> list[tuple[Sensor, str, int]]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from msggen.analysis.finding import Unsaid
 from msggen.analysis.recorded import Column, Recorded
-from msggen.analysis.sampling import Spans, flown
+from msggen.analysis.sampling import flown
+from msggen.analysis.spans import Spans
 from msggen.recordings.columns.annotations import annotation_of
 from msggen.recordings.columns.ordered import median
 

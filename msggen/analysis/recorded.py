@@ -39,6 +39,20 @@ _LATENCY = 5
 """The percentile of the time that samples are under way which is taken for none."""
 
 
+_LEAST = 30
+"""The samples without which a fit says nothing."""
+
+
+class Fit(NamedTuple):
+    """How a value changes with another one. A trend over time is taken out of both, such as the discharge."""
+
+    slope: float
+    correlation: float
+    """From -1 to 1, 0 if one of them does not change."""
+    spread: float
+    """The standard deviation of the other value."""
+
+
 class Column(NamedTuple):
     """The values of a field over time."""
 
@@ -112,6 +126,24 @@ class Column(NamedTuple):
         """Return the column with NaN for values below `least`, which stand for unknown ones."""
         return self._replace(values=np.where(self.values >= least, self.values, np.nan))
 
+    def fit(self, other: Column) -> Fit | None:
+        """Return how the column follows another one, None for fewer than 30 samples with both values."""
+        causes = other.at(self.times)
+        both = np.isfinite(causes) & np.isfinite(self.values)
+        if both.sum() < _LEAST:
+            return None
+        effect, cause = (_without_trend(each[both], self.times[both]) for each in (self.values, causes))
+        product, square = float(cause @ effect), float(cause @ cause)
+        norm = np.sqrt(square * float(effect @ effect))
+        slope, correlation = product / square if square > 0 else 0.0, float(product / norm) if norm > 0 else 0.0
+        return Fit(slope, correlation, float(cause.std()))
+
+
+def _without_trend(values: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    values, times = values - values.mean(), times - times.mean()
+    square = float(times @ times)
+    return values - times * (float(times @ values) / square) if square > 0 else values
+
 
 _KEPT = 50_000
 """The samples of a column that is kept: 0.8 MB."""
@@ -167,12 +199,13 @@ class Recorded:
         if is_held and first and (first == len(seconds) or seconds[first] > 0):
             first -= 1  # it lasts until the start
         number = f"[{instance}]" if instance else ""
+        unit = annotation_of(samples.topic, field).unit
         with np.errstate(invalid="ignore"):  # bits that are no number
             values = found[first:].astype(np.float64)
         return Column(
             np.maximum(seconds[first:], 0.0),
             values,
-            _unit(samples.topic, field),
+            "" if unit == "-" else normalized_unit(unit),
             is_held,
             f"{name}{number}.{field}",
         )
@@ -256,11 +289,6 @@ class Recorded:
             if found is not None:
                 return spans(found, found.values == value, self.duration)
         return ((0.0, self.duration),)
-
-
-def _unit(topic: Topic, field: str) -> str:
-    unit = annotation_of(topic, field).unit
-    return "" if unit == "-" else normalized_unit(unit)
 
 
 def spans(column: Column, mask: NDArray[np.bool_], end: float) -> tuple[tuple[float, float], ...]:

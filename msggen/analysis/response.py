@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.analysis.recorded import Column, Recorded, angle_of
-from msggen.analysis.sampling import Spans, common, flown, runs, usual_interval
+from msggen.analysis.sampling import flown, runs, usual_interval
+from msggen.analysis.spans import Spans, common
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

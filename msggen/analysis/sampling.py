@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from msggen.analysis.recorded import spans
+from msggen.analysis.spans import Spans, common
 from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.analysis.recorded import Recorded
-
-Spans = tuple[tuple[float, float], ...]
-"""Stretches of time, in s after the start of the recording."""
 
 
 def usual_interval(times: NDArray[np.float64]) -> float:
@@ -36,20 +33,6 @@ def runs(times: NDArray[np.float64], longest: float, fewest: int) -> list[tuple[
     begins, ends = np.append(0, ends), np.append(ends, len(times))
     is_long = ends - begins >= fewest
     return list(zip(begins[is_long].tolist(), ends[is_long].tolist(), strict=True))
-
-
-def common(one: Sequence[tuple[float, float]], other: Sequence[tuple[float, float]]) -> Spans:
-    """Return the stretches of time that are in both, which are in order."""
-    found, first, second = [], 0, 0
-    while first < len(one) and second < len(other):
-        begin, end = max(one[first][0], other[second][0]), min(one[first][1], other[second][1])
-        if begin < end:
-            found.append((begin, end))
-        if one[first][1] < other[second][1]:
-            first += 1
-        else:
-            second += 1
-    return tuple(found)
 
 
 def flown(recorded: Recorded, start: float | None = None, stop: float | None = None) -> Spans:

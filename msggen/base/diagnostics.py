@@ -27,140 +27,35 @@ class Level(Enum):
     NOTE = "note"
 
 
+_CODES = {
+    Level.ERROR: (
+        "M101 M102 M103 M105 M201 M202 M203 M204 M301 M302 M303 M304 M305 M306 M307 M401 M402 M403 M404 "
+        "Y101 Y102 Y104 Y201 Y202 Y203 Y204 Y205 "
+        "S101 S102 S103 S104 S105 S106 S107 S108 S109 S110 S111 S112 S113 S114 S115 S116 S117 S118 S123 S124 "
+        "S125 S128 S129 S130 S131 S132 "
+        "B101 B102 B103 B104 B105 B106 B107 "
+        "C101 C102 C103 C104 "
+        "F101 F102 F103 F104 "
+        "T101 T102 T103 T104 T105 T106 T107 T201 T202 T203 T204 T205 T206 T207 T208 T209 T210 "
+        "L101 L102 L103 L104 L105 L110 L111 "
+        "R101 R102 R150"
+    ),
+    Level.WARNING: (
+        "M104 M106 M107 M108 M205 M405 M406 M408 M409 M410 M411 Y103 Y105 Y106 Y107 Y108 Y109 Y110 Y207 "
+        "S121 S127 C105 F105 F106 R141 R142"
+    ),
+    Level.NOTE: "M407 Y206 Y208 S119 S120 S122 S126 S133 B108 C106",
+}
+_KINDS = "MYSBCFTLR"
+"""The first letters of the codes, in the order of the page."""
+
 CODES: Mapping[str, Level] = MappingProxyType(
-    {
-        "M101": Level.ERROR,
-        "M102": Level.ERROR,
-        "M103": Level.ERROR,
-        "M104": Level.WARNING,
-        "M105": Level.ERROR,
-        "M106": Level.WARNING,
-        "M107": Level.WARNING,
-        "M108": Level.WARNING,
-        "M201": Level.ERROR,
-        "M202": Level.ERROR,
-        "M203": Level.ERROR,
-        "M204": Level.ERROR,
-        "M205": Level.WARNING,
-        "M301": Level.ERROR,
-        "M302": Level.ERROR,
-        "M303": Level.ERROR,
-        "M304": Level.ERROR,
-        "M305": Level.ERROR,
-        "M306": Level.ERROR,
-        "M307": Level.ERROR,
-        "M401": Level.ERROR,
-        "M402": Level.ERROR,
-        "M403": Level.ERROR,
-        "M404": Level.ERROR,
-        "M405": Level.WARNING,
-        "M406": Level.WARNING,
-        "M407": Level.NOTE,
-        "M408": Level.WARNING,
-        "M409": Level.WARNING,
-        "M410": Level.WARNING,
-        "M411": Level.WARNING,
-        "Y101": Level.ERROR,
-        "Y102": Level.ERROR,
-        "Y103": Level.WARNING,
-        "Y104": Level.ERROR,
-        "Y105": Level.WARNING,
-        "Y106": Level.WARNING,
-        "Y107": Level.WARNING,
-        "Y108": Level.WARNING,
-        "Y109": Level.WARNING,
-        "Y110": Level.WARNING,
-        "Y201": Level.ERROR,
-        "Y202": Level.ERROR,
-        "Y203": Level.ERROR,
-        "Y204": Level.ERROR,
-        "Y205": Level.ERROR,
-        "Y206": Level.NOTE,
-        "Y207": Level.WARNING,
-        "Y208": Level.NOTE,
-        "S101": Level.ERROR,
-        "S102": Level.ERROR,
-        "S103": Level.ERROR,
-        "S104": Level.ERROR,
-        "S105": Level.ERROR,
-        "S106": Level.ERROR,
-        "S107": Level.ERROR,
-        "S108": Level.ERROR,
-        "S109": Level.ERROR,
-        "S110": Level.ERROR,
-        "S111": Level.ERROR,
-        "S112": Level.ERROR,
-        "S113": Level.ERROR,
-        "S114": Level.ERROR,
-        "S115": Level.ERROR,
-        "S116": Level.ERROR,
-        "S117": Level.ERROR,
-        "S118": Level.ERROR,
-        "S119": Level.NOTE,
-        "S120": Level.NOTE,
-        "S121": Level.WARNING,
-        "S122": Level.NOTE,
-        "S123": Level.ERROR,
-        "S124": Level.ERROR,
-        "S125": Level.ERROR,
-        "S126": Level.NOTE,
-        "S127": Level.WARNING,
-        "S128": Level.ERROR,
-        "S129": Level.ERROR,
-        "S130": Level.ERROR,
-        "S131": Level.ERROR,
-        "S132": Level.ERROR,
-        "S133": Level.NOTE,
-        "B101": Level.ERROR,
-        "B102": Level.ERROR,
-        "B103": Level.ERROR,
-        "B104": Level.ERROR,
-        "B105": Level.ERROR,
-        "B106": Level.ERROR,
-        "B107": Level.ERROR,
-        "B108": Level.NOTE,
-        "C101": Level.ERROR,
-        "C102": Level.ERROR,
-        "C103": Level.ERROR,
-        "C104": Level.ERROR,
-        "C105": Level.WARNING,
-        "C106": Level.NOTE,
-        "F101": Level.ERROR,
-        "F102": Level.ERROR,
-        "F103": Level.ERROR,
-        "F104": Level.ERROR,
-        "F105": Level.WARNING,
-        "F106": Level.WARNING,
-        "T101": Level.ERROR,
-        "T102": Level.ERROR,
-        "T103": Level.ERROR,
-        "T104": Level.ERROR,
-        "T105": Level.ERROR,
-        "T106": Level.ERROR,
-        "T107": Level.ERROR,
-        "T201": Level.ERROR,
-        "T202": Level.ERROR,
-        "T203": Level.ERROR,
-        "T204": Level.ERROR,
-        "T205": Level.ERROR,
-        "T206": Level.ERROR,
-        "T207": Level.ERROR,
-        "T208": Level.ERROR,
-        "T209": Level.ERROR,
-        "T210": Level.ERROR,
-        "L101": Level.ERROR,
-        "L102": Level.ERROR,
-        "L103": Level.ERROR,
-        "L104": Level.ERROR,
-        "L105": Level.ERROR,
-        "L110": Level.ERROR,
-        "L111": Level.ERROR,
-        "R101": Level.ERROR,
-        "R102": Level.ERROR,
-        "R141": Level.WARNING,
-        "R142": Level.WARNING,
-        "R150": Level.ERROR,
-    }
+    dict(
+        sorted(
+            ((code, level) for level, codes in _CODES.items() for code in codes.split()),
+            key=lambda row: (_KINDS.index(row[0][0]), row[0]),
+        )
+    )
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.
 

@@ -49,13 +49,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """The rooms that each room imports. A room may always import those in its own folder."""
 
 
-def room_of(name: str) -> str:
-    """Return the room that a module, such as `base.disk.git`, is in; "" for a module outside of all rooms."""
-    while name not in ROOMS and name:
-        name = name.rpartition(".")[0]
-    return name
-
-
 def below(room: str) -> frozenset[str]:
     """Return a room and all that it imports, directly or through others. An output depends on the code in them.
 

@@ -19,12 +19,12 @@ from msggen.check.finding import Change, Finding, Report, Resized, Rule, Severit
 from msggen.check.lint.definition import Definition, definitions_of
 from msggen.check.lint.rules import LINT
 from msggen.definitions.model import Catalog, Message, Service
+from msggen.sources.bridged import on_one_list
 from msggen.sources.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.sources.embedded import release_path
 from msggen.sources.finding import Sources, read_files
 from msggen.sources.history import read_history
 from msggen.sources.inferred import Inference
-from msggen.sources.unbridged import on_one_list
 
 _OF_NEW_VERSIONS = ("S119",)
 """Notes about a tree that is newer than the known releases. A new version in the change itself would cause one."""

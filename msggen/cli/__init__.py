@@ -83,7 +83,7 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _run(options: argparse.Namespace) -> int:
-    code = int(options.run(options))
+    code = int(options.run(options) or DONE)
     print(end="", flush=True)  # here, so that a BrokenPipeError is caught
     return code
 

@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error, printable
-from msggen.cli.link import Connection
+from msggen.cli.link import Connection, is_there
 from msggen.generate.cache import package_of
 from msggen.link.link import LinkTimeoutError, NotConnectedError
 from msggen.link.link_types import type_named
@@ -70,7 +70,7 @@ class Carrier:
         reported: Plan | None = None
         while not self._is_ended.is_set():
             try:
-                if not self._wait(found.vehicle):
+                if not is_there(found.vehicle, SLICE):
                     continue
                 remote = found.vehicle.remote
                 plan = _plan(self._options, found, self._hashes(found.vehicle))
@@ -97,14 +97,6 @@ class Carrier:
                 self.totals.add(relay, self.remote.namespace)
         return plan
 
-    def _wait(self, vehicle: Vehicle) -> bool:
-        """Wait for the vehicle for a moment, and return whether it is connected. Raises LinkError."""
-        try:
-            vehicle.wait_connected(SLICE)
-        except LinkTimeoutError:
-            return False
-        return True
-
     def _hashes(self, vehicle: Vehicle) -> Mapping[str, int]:
         """Return the hashes of the vehicle's definitions, as far as it tells them in time. Raises NotConnectedError."""
         deadline = time.monotonic() + _ASKED
@@ -115,12 +107,9 @@ class Carrier:
 
     def _is_over(self, vehicle: Vehicle) -> bool:
         """Whether the vehicle has begun another session, or the end has come. While none is connected, it goes on."""
-        if self._is_ended.is_set():
-            return True
-        try:
-            return vehicle.remote.number != self.session
-        except NotConnectedError:
-            return False
+        with suppress(NotConnectedError):
+            return self._is_ended.is_set() or vehicle.remote.number != self.session
+        return False
 
 
 def _plan(options: argparse.Namespace, found: Connection, hashes: Mapping[str, int]) -> Plan:

@@ -14,7 +14,7 @@ from msggen.cli.packages import import_package, topics_of
 from msggen.cli.printing import print_notices
 from msggen.cli.source_options import is_named, settings_of, sources_of
 from msggen.generate.cache import package_from, package_of
-from msggen.sources.borrowed import with_borrowed_bridge
+from msggen.sources.bridged import with_borrowed_bridge
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import Sources, find_sources
 from msggen.sources.settings import Settings

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 from msggen.base.diagnostics import InputError, few, input_error
 from msggen.base.location import Location
 from msggen.cli.chosen_types import Chosen, Types, is_given, known_types, release_types, types_for
-from msggen.cli.options import Group, WrongArgumentError, add_repeatable, add_shared
+from msggen.cli.options import Group, WrongArgumentError, add_flag, add_repeatable, add_shared, add_value
 from msggen.cli.source_options import settings_of
 from msggen.cli.values import KEY, Deferred, local_path, non_empty, positive
 from msggen.link.link_types import DEFAULT, ROUTER_PORT, usages
@@ -75,34 +75,28 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
     add_address(group)
     if has_types:
         add_types(group)
-    group.add_argument("--key", metavar="N", type=KEY, help="key of the vehicle, its UXRCE_DDS_KEY")
-    group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
+    add_value(group, "--key", "N", KEY, "key of the vehicle, its UXRCE_DDS_KEY")
+    add_value(group, "--namespace", "NAME", non_empty, "namespace of the vehicle")
     add_allowed(group)
-    group.add_argument(
-        "--direct", action="store_true", help="own the link in this process; no other program can use it meanwhile"
-    )
-    group.add_argument(
-        "--wait", metavar="SECONDS", type=positive, help=f"wait this long for a vehicle (default: {PATIENCE:g})"
-    )
+    add_flag(group, "--direct", "own the link in this process; no other program can use it meanwhile")
+    add_value(group, "--wait", "SECONDS", positive, f"wait this long for a vehicle (default: {PATIENCE:g})")
 
 
 def add_types(group: Group) -> None:
     """Add the options that name the types of messages."""
     source = group.add_mutually_exclusive_group()
-    source.add_argument(
-        "--types",
-        metavar="NAME|DIR",
-        type=local_path,
-        help="generated package with the vehicle's messages (default: the setting `types`, the firmware of the "
-        "settings or in the current folder if the vehicle has it, or else the vehicle's embedded release)",
+    text = (
+        "generated package with the vehicle's messages (default: the setting `types`, the firmware of the "
+        "settings or in the current folder if the vehicle has it, or else the vehicle's embedded release)"
     )
+    add_value(source, "--types", "NAME|DIR", local_path, text)
     add_shared(source, "--px4")
 
 
 def add_address(group: Group) -> None:
     """Add the option that names a link."""
     text = f"{usages()} (default: the setting `link`, or {DEFAULT})"
-    group.add_argument("--link", metavar="URL", type=non_empty, help=text)
+    add_value(group, "--link", "URL", non_empty, text)
 
 
 @Deferred
@@ -274,7 +268,7 @@ def _wait(vehicle: Vehicle, link: str, patience: float, check: Callable[[], obje
     def tell() -> None:
         print(f"waiting for a vehicle on {link}", file=sys.stderr, flush=True)
 
-    if check is not None and not _is_there(vehicle, min(_AT_ONCE, patience)):
+    if check is not None and not is_there(vehicle, min(_AT_ONCE, patience)):
         check()
     timer = threading.Timer(_NOTICE, tell)
     timer.daemon = True
@@ -286,7 +280,7 @@ def _wait(vehicle: Vehicle, link: str, patience: float, check: Callable[[], obje
         timer.cancel()
 
 
-def _is_there(vehicle: Vehicle, seconds: float) -> bool:
+def is_there(vehicle: Vehicle, seconds: float) -> bool:
     """Whether a vehicle connects within a time. Raises LinkError if the link has failed."""
     from msggen.link.link import LinkTimeoutError
 

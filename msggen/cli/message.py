@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from msggen.base.diagnostics import Diagnostic, InputError, input_error
 from msggen.base.location import Location
 from msggen.cli.link import Connection
-from msggen.cli.options import refuse
+from msggen.cli.options import add_value, refuse
 from msggen.cli.values import local_path, positive
 from msggen.link.link_types import type_named
 
@@ -34,24 +34,15 @@ _DISCOVERY = 1.0
 
 def add_values(parser: argparse.ArgumentParser) -> None:
     """Add the argument with the values of a message, and the option that reads them from a file."""
-    parser.add_argument(
-        "values",
-        metavar="VALUES",
-        nargs="?",
-        help="values in YAML, such as '{position: true}', or '{}' for zeros; - reads them from stdin",
-    )
-    parser.add_argument("-f", "--file", metavar="FILE", type=local_path, help="read the values from a file")
+    text = "values in YAML, such as '{position: true}', or '{}' for zeros; - reads them from stdin"
+    parser.add_argument("values", metavar="VALUES", nargs="?", help=text)
+    add_value(parser, "-f, --file", "FILE", local_path, "read the values from a file")
 
 
 def add_timeout(parser: argparse.ArgumentParser) -> None:
     """Add the option that bounds the wait for an answer."""
-    parser.add_argument(
-        "--timeout",
-        metavar="SECONDS",
-        type=positive,
-        default=f"{_TIMEOUT:g}",
-        help=f"wait this long for an answer (default: {_TIMEOUT:g})",
-    )
+    text = f"wait this long for an answer (default: {_TIMEOUT:g})"
+    add_value(parser, "--timeout", "SECONDS", positive, text, default=f"{_TIMEOUT:g}")
 
 
 class Values(NamedTuple):

@@ -10,7 +10,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from msggen.base.disk.reading import read_bytes
@@ -91,7 +91,7 @@ def names_of(options: argparse.Namespace) -> Names:
     """
     from msggen.cli.chosen_types import folder_sources
     from msggen.generate.cache import folder_from, folder_of
-    from msggen.sources.borrowed import with_borrowed_bridge
+    from msggen.sources.bridged import with_borrowed_bridge
     from msggen.sources.embedded import EMBEDDED
     from msggen.sources.finding import find_sources
     from msggen.sources.settings import read_settings
@@ -146,7 +146,12 @@ def _names(document: Any) -> Names:
             for row in document["endpoints"]
         ),
         {_checked(_NAME, name): _checked(_KEY, key) for name, key in document["services"].items()},
-        {_checked(_NAME, name): tuple(_parameters(rows)) for name, rows in document["commands"].items()},
+        {
+            _checked(_NAME, name): tuple(
+                Parameter(_checked(_NAME, row["name"]), row["number"], _members(row)) for row in rows
+            )
+            for name, rows in document["commands"].items()
+        },
         {
             _checked(_KEY, key): {_checked(_NAME, name): _field(row) for name, row in rows.items()}
             for key, rows in document["messages"].items()
@@ -161,11 +166,6 @@ def _field(row: Mapping[str, Any]) -> Field:
     is_array = row["type"].endswith("]") and match[1] != "char"
     message = _checked(_KEY, row["message"]) if "message" in row else ""
     return Field(message, _members(row), int(match[2] or 0) if is_array else 0, is_array)
-
-
-def _parameters(rows: Any) -> Iterator[Parameter]:
-    for row in rows:
-        yield Parameter(_checked(_NAME, row["name"]), row["number"], _members(row))
 
 
 def _members(row: Mapping[str, Any]) -> tuple[str, ...]:

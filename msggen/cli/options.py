@@ -1,10 +1,10 @@
-"""Helpers that declare commands and options, and the options that several commands share."""
+"""Helpers that declare commands and arguments, and the options that several commands share."""
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NoReturn, TypeAlias
 
 from msggen.base.diagnostics import input_error
@@ -12,14 +12,20 @@ from msggen.cli.values import local_path, non_empty, positive
 from msggen.show.report import FORMATS
 from msggen.sources.embedded import EMBEDDED
 
+Run: TypeAlias = "Callable[[argparse.Namespace], int | None]"
+"""What runs a command, and returns the exit code: None for 0, done."""
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse has no public name
+Adder: TypeAlias = "Callable[[Commands], None]"
+"""What adds a command to others."""
 Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for parsers and groups of options
 
 FAILED_CODES = "2 usage, input or I/O error, 130 interrupted by Ctrl-C."
+_DONE_CODES = f"Exit codes: 0 done, {FAILED_CODES}"
+ENDED_CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
 WRITING_CODES = f"Exit codes: 0 done, 1 changes found by --check or --diff, {FAILED_CODES}"
 FINDING_CODES = f"Exit codes: 0 no findings that fail the run, 1 findings that fail the run, {FAILED_CODES}"
 COMPARING_CODES = f"{FINDING_CODES} Handled findings and warnings do not fail the run."
-"""The exit codes for the help: of failed runs, of commands that write, and of those that report findings."""
+"""The exit codes for the help: of failed runs, of commands that go on, that write, and that report findings."""
 
 SOURCE_KINDS = (
     "a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of one of these in git, "
@@ -101,7 +107,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
-    "--for": {"metavar": "SECONDS", "type": positive, "help": "end after this time"},
+    "--for": {"dest": "seconds", "metavar": "SECONDS", "type": positive, "help": "end after this time"},
     "--field": {
         "metavar": "PATH",
         "type": non_empty,
@@ -124,20 +130,50 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
 """Options with the same meaning in every command that has them."""
 
 
-def add_command(
-    commands: Commands, name: str, run: Callable[[argparse.Namespace], int], *, writes: bool = False, **about: Any
-) -> argparse.ArgumentParser:
-    """Return the parser of a new command `name`, which calls `run`. `writes` is True if it may write files."""
-    parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
-    parser.set_defaults(run=run, parser=parser, writes=writes)
-    return parser
+def new_command(
+    name: str,
+    summary: str,
+    description: str,
+    *,
+    epilog: str = _DONE_CODES,
+    writes: bool = False,
+) -> Callable[[Callable[[argparse.ArgumentParser], Run]], Adder]:
+    """Return a decorator of a function that adds the arguments of a command to its parser, and returns what runs it.
+
+    `summary` is the help in the list of commands. `writes` is True if the command may write files.
+    """
+
+    def decorated(add: Callable[[argparse.ArgumentParser], Run]) -> Adder:
+        def add_to(commands: Commands) -> None:
+            parser = commands.add_parser(name, help=summary, description=description, epilog=epilog)
+            parser.set_defaults(run=add(parser), parser=parser, writes=writes)
+
+        return add_to
+
+    return decorated
 
 
-def add_group(commands: Commands, name: str, **about: Any) -> Commands:
-    """Return the commands of a new command `name` that only has further ones, such as `msggen topic list`."""
-    parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
-    text = f"one of these; `msggen {name} ACTION --help` lists its options"
-    return parser.add_subparsers(prog=parser.prog, metavar="ACTION", required=True, help=text)
+def new_group(
+    name: str,
+    summary: str,
+    description: str,
+    actions: Iterable[Adder],
+    *,
+    epilog: str = _DONE_CODES,
+    **defaults: Any,
+) -> Adder:
+    """Return what adds a command that only has further ones, such as `msggen topic list`, with defaults of theirs."""
+
+    def add_to(commands: Commands) -> None:
+        parser = commands.add_parser(name, help=summary, description=description, epilog=epilog)
+        text = f"one of these; `msggen {name} ACTION --help` lists its options"
+        added = parser.add_subparsers(prog=parser.prog, metavar="ACTION", required=True, help=text)
+        for add in actions:
+            add(added)
+        for each in added.choices.values():
+            each.set_defaults(**defaults)
+
+    return add_to
 
 
 class WrongArgumentError(Exception):
@@ -167,9 +203,19 @@ def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
         group.add_argument(old, **{**about, **hidden})
 
 
+def add_value(group: Group, names: str, metavar: str, kind: Callable[[str], Any], text: str, **more: Any) -> None:
+    """Add an argument with a value. `names` are written as the keys of `SHARED`, `kind` converts the value."""
+    group.add_argument(*names.split(", "), metavar=metavar, type=kind, help=text, **more)
+
+
+def add_flag(group: Group, names: str, text: str) -> None:
+    """Add an option without a value."""
+    group.add_argument(*names.split(", "), action="store_true", help=text)
+
+
 def add_repeatable(group: Group, name: str, metavar: str, kind: Callable[[str], Any], text: str) -> None:
     """Add an option that can be given several times: its value is a list, empty without it."""
-    group.add_argument(name, metavar=metavar, type=kind, action="append", default=[], help=f"{text}; repeatable")
+    add_value(group, name, metavar, kind, f"{text}; repeatable", action="append", default=[])
 
 
 def add_sources(parser: argparse.ArgumentParser, *further: str) -> argparse._ArgumentGroup:

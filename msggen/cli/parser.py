@@ -133,7 +133,7 @@ class _Parser(argparse.ArgumentParser):
                 try:
                     setattr(options, action.dest, action.type.value(getattr(options, action.dest)))
                 except argparse.ArgumentTypeError as error:
-                    self.error(f"argument --{action.dest.replace('_', '-')}: {error}")
+                    self.error(f"argument {action.option_strings[-1]}: {error}")
 
     def _check_stray(self, words: Sequence[str]) -> None:
         """Refuse a word that is neither an option nor a value of one."""

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from msggen.base.disk.resources import resource
-from msggen.cli.options import Group, check_parent, refuse, write_whole
+from msggen.cli.options import Group, add_value, check_parent, refuse, write_whole
 from msggen.cli.packages import needing
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import local_path
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def add_picture(group: Group, otherwise: str) -> None:
     """Add the option that names the file of a picture. `otherwise` is what happens without it."""
     text = f"file to write: .png, .svg or .pdf (default: {otherwise})"
-    group.add_argument("-o", "--output", metavar="FILE", type=local_path, help=text)
+    add_value(group, "-o, --output", "FILE", local_path, text)
 
 
 def import_matplotlib(code: str, extra: str = "plot") -> None:

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import Diagnostic, sorted_out
+from msggen.cli.options import add_value
 from msggen.cli.values import non_empty
 from msggen.sources.settings import Settings
 
@@ -17,8 +18,8 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     """Add the options that select rules."""
     choice = parser.add_argument_group("rules")
     text = "rules or categories to apply (default: all that are not optional)"
-    choice.add_argument("--select", metavar="RULE,...", type=_list, help=text)
-    choice.add_argument("--ignore", metavar="RULE,...", type=_list, help="rules or categories to leave out")
+    add_value(choice, "--select", "RULE,...", _list, text)
+    add_value(choice, "--ignore", "RULE,...", _list, "rules or categories to leave out")
 
 
 def _list(text: str) -> tuple[str, ...]:

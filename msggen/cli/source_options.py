@@ -55,7 +55,8 @@ def sources_of(options: argparse.Namespace, settings: Settings, *, packages: boo
         settings.place("release") if options.release is None else Location("--release", 0),
     )
     if here:
-        found = found._replace(label=_label_here(found))
+        name = "PX4-Autopilot tree" if found.is_tree else f"package {found.package}"
+        found = found._replace(label=f"the {name} in the current folder")
     elif found.embedded and not is_named(options, settings):
         found = found._replace(notices=(*found.notices, *_tree_above()))
     found = with_board(found, board_of(options, settings))
@@ -128,11 +129,6 @@ def source_here(*, packages: bool = True) -> str | None:
     if whole_tree(os.curdir) or is_firmware(folder):
         return os.curdir
     return os.curdir if packages and folder.is_folder("msg") and find_manifest(folder) else None
-
-
-def _label_here(sources: Sources) -> str:
-    name = "PX4-Autopilot tree" if sources.is_tree else f"package {sources.package}"
-    return f"the {name} in the current folder"
 
 
 def _tree_above() -> Iterator[Diagnostic]:

@@ -29,10 +29,6 @@ def styled(text: str, style: int) -> str:
     return f"{front}\033[{style}m{plain}\033[0m{end}"
 
 
-def _no_style(_: Any) -> int:
-    return 0
-
-
 @dataclass(frozen=True)
 class Column(Generic[RowT]):
     """A fact about each row. It is in both outputs, unless its key or its heading is "": if their values differ."""
@@ -46,7 +42,7 @@ class Column(Generic[RowT]):
     """Returns the text of a value. That of None is ""."""
     align: Literal["<", ">"] = "<"
     """The side at which the texts are aligned, as in a format."""
-    style: Callable[[Any], int] = _no_style
+    style: Callable[[Any], int] = lambda _: 0
     """Returns the style of a value."""
 
     def text(self, row: RowT) -> str:

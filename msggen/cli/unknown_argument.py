@@ -208,17 +208,14 @@ def hint_for_second_value(wrong: str, words: Sequence[str]) -> str:
             rules = ",".join(value.strip(",") for value in values[option])
             return f"separate rules by commas: {option} {rules}"
     folder = next(iter(values.get("--px4", ())), os.curdir)
-    if "--against" in values and not os.path.exists(wrong) and _is_revision(folder, wrong):
+    is_folder = "\0" not in folder and os.path.isdir(folder)
+    if "--against" in values and not os.path.exists(wrong) and is_folder and is_revision(folder, wrong):
         return f"--against names one side, name the other with --px4 {folder}@{wrong}"
     return ""
 
 
 def _is_firmware(word: str) -> bool:
     return names_release(word) or names_installed(word) or ("\0" not in word and is_firmware(Folder(word)))
-
-
-def _is_revision(folder: str, word: str) -> bool:
-    return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
 
 
 def _commands_with(option: str, parser: Any) -> list[str]:

@@ -8,9 +8,11 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from logging import getLogger
+from math import inf
 from typing import TYPE_CHECKING
 
-from msggen.cli.options import add_shared
+from msggen.cli.options import add_shared, add_value
 from msggen.cli.printing import discard_output
 from msggen.cli.values import COUNT, positive
 
@@ -31,18 +33,13 @@ def is_interrupt(error: BaseException) -> bool:
 
 def add_window(parser: argparse.ArgumentParser, verb: str = "report on", default: float = 3.0) -> None:
     """Add the option that names the time in s whose samples count, with what is done with them."""
-    parser.add_argument(
-        "--window",
-        metavar="SECONDS",
-        type=positive,
-        default=f"{default:g}",
-        help=f"{verb} the samples of this time (default: {default:g})",
-    )
+    text = f"{verb} the samples of this time (default: {default:g})"
+    add_value(parser, "--window", "SECONDS", positive, text, default=f"{default:g}")
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
     """Add the options that end a command: a number of results, or a time."""
-    parser.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after N messages, or reports")
+    add_value(parser, "-n, --count", "N", COUNT, "end after N messages, or reports")
     add_shared(parser, "--for")
 
 
@@ -59,21 +56,33 @@ def watching() -> Iterator[None]:
         discard_output()
 
 
-def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iterator[None]:
-    """Yield every `period` seconds until the time of the options is over: the last time at its end, at least `period`
-    after the time before.
+@contextmanager
+def telling(level: int, *names: str) -> Iterator[None]:
+    """Let loggers tell what has a level, and nothing below it, in the block."""
+    loggers = {logger: logger.level for logger in map(getLogger, names)}
+    try:
+        for logger in loggers:
+            logger.setLevel(level)
+        yield
+    finally:
+        for logger, before in loggers.items():
+            logger.setLevel(before)
+
+
+def rounds(seconds: float | None, vehicle: Vehicle, period: float) -> Iterator[None]:
+    """Yield every `period` seconds until the time is over: the last time at its end, at least `period` after the time
+    before. Without a time, do not end.
 
     Flushes the output after each round, and says on stderr when the vehicle disconnects and connects again. Raises
     LinkError if the link has failed.
     """
-    seconds = getattr(options, "for")  # a keyword
-    start = time.monotonic()
+    start, limit = time.monotonic(), seconds or inf
     number, was_connected = 0, True
     while True:
         number += 1
         due = start + number * period
-        is_last = seconds is not None and (number + 1) * period > seconds
-        rest = (start + seconds if is_last else due) - time.monotonic()
+        is_last = (number + 1) * period > limit
+        rest = (start + limit if is_last else due) - time.monotonic()
         if rest > 0:
             time.sleep(rest)
         else:

@@ -12,7 +12,7 @@ from msggen.doctor.expected import Expected
 from msggen.doctor.observation import Observation, VehicleSeen
 from msggen.link.link import Client, Route
 from msggen.messages.names import is_named_after, stem_of
-from msggen.vehicle.selection import Selection, shown
+from msggen.vehicle.selection import Selection
 
 SILENT = 2.0
 """The time in s without any sample after which a vehicle counts as silent. The rarest one has several a second."""
@@ -99,7 +99,7 @@ class Case(NamedTuple):
 
     def of(self, vehicle: VehicleSeen, text: str) -> Change:
         """Return a finding about a vehicle, which is named."""
-        return self.change(shown(vehicle.remote), f"{shown(vehicle.remote)} {text}")
+        return self.change(str(vehicle.remote), f"{vehicle.remote} {text}")
 
 
 def is_full(name: str) -> bool:
@@ -109,7 +109,7 @@ def is_full(name: str) -> bool:
 
 def plain(name: str) -> str:
     """Return a name as ROS 2 has it: `/fmu/out/x` for `rt/fmu/out/x` and `fmu/out/x`."""
-    name = name.removeprefix("rt/") if name.startswith("rt/") else name
+    name = name.removeprefix("rt/")
     return name if name.startswith("/") or "/" not in name else f"/{name}"
 
 

@@ -45,7 +45,8 @@ def misaddressed(case: Case, vehicle: VehicleSeen) -> list[Misaddressed]:
                 own, target = status.get(f"{what}_id", _ANY), samples[-1].values.get(f"target_{what}", _ANY)
                 is_foreign = all(sample.values.get(f"target_{what}") not in (_ANY, own, None) for sample in samples)
                 if is_foreign and (what == "system" or _is_unanswered(vehicle, samples)):
-                    found.append(Misaddressed(topic, _senders(seen), number, what, target, own))
+                    senders = few([str(each) for each in seen.programs]) or "an unknown program"
+                    found.append(Misaddressed(topic, senders, number, what, target, own))
                     break
     return found
 
@@ -62,10 +63,6 @@ def _is_unanswered(vehicle: VehicleSeen, samples: list[SampleSeen]) -> bool:
     publishes = any(f"/{_ACKNOWLEDGEMENT}" in route.name for route in vehicle.routes)
     number = samples[-1].values["command"]
     return publishes and all(each.values.get("command") != number for each in vehicle.kept(_ACKNOWLEDGEMENT))
-
-
-def _senders(seen: InputSeen) -> str:
-    return few([str(each) for each in seen.programs]) or "an unknown program"
 
 
 def find_misaddressed(case: Case) -> Iterator[Change]:

@@ -1,4 +1,4 @@
-"""Why no vehicle connects, or does not stay connected."""
+"""Why no vehicle connects, or does not stay connected, and what one on Zenoh cannot do."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.doctor.case import SILENT, Case
 from msggen.doctor.observation import INTACT, OWNER, SIM, Observation
-from msggen.doctor.on_zenoh import find_limited
 from msggen.link.link import Client
 from msggen.link.link_types import AGENT_PORT, PORT
-from msggen.vehicle.selection import shown
+from msggen.link.rmw_zenoh.vehicles import NO_BEAT
+from msggen.messages.firmware import SMALL_STACK
+from msggen.messages.names import uorb_name
 
 _STATUS = "`uxrce_dds_client status` in PX4's shell shows where it sends"
 _REFUSALS = {
@@ -21,6 +22,9 @@ _REFUSALS = {
 _DAMAGED = 5
 """The damaged datagrams that are reported, at least."""
 _DAMAGED_SHARE = 0.01
+_LARGE = "arming_check_reply"
+_FIRMWARE = ("CONFIG_ZENOH_", "in the form of PX4 v1.16", "cannot be told apart", NO_BEAT)
+"""What tells warnings that explain why a vehicle on Zenoh is not as it should be from others."""
 _RETRIES = 3
 """The requests for the time without an answer that are enough to say so. PX4's client repeats one after 1 s."""
 
@@ -239,7 +243,7 @@ def find_restarts(case: Case) -> Iterator[Change]:
     for each in case.seen.vehicles:
         remote = each.remote
         if remote.key not in {*case.shared_keys, *deaf} and case.selection.accepts(remote):
-            sessions.setdefault((remote.key, remote.namespace), []).append(shown(remote))
+            sessions.setdefault((remote.key, remote.namespace), []).append(str(remote))
     for names in sessions.values():
         if len(names) > 1:
             text = f"{names[-1]} has begun {len(names)} sessions in {case.seen.waited + case.seen.seconds:.0f} s: "
@@ -272,6 +276,20 @@ def find_wrong_key(case: Case) -> Iterator[Change]:
         yield case.change(
             f"key {key}", f"no vehicle has the key {key}: use --key {shown_keys}, or set UXRCE_DDS_KEY to {key}"
         )
+
+
+def find_limited(case: Case) -> Iterator[Change]:
+    """Find vehicles of which too little is told, or whose samples are not CDR: the link warns of them."""
+    for text in case.seen.warnings if case.seen.link_type.has_router else ():
+        if any(mark in text for mark in _FIRMWARE):
+            yield case.change(case.seen.link, text)
+
+
+def find_small_stack(case: Case) -> Iterator[Change]:
+    """Find programs that answer checks over Zenoh."""
+    for vehicle in case.vehicles if case.seen.link_type.has_router else ():
+        if vehicle.remote.guid and any(uorb_name(name) == _LARGE for name in vehicle.inputs):
+            yield case.of(vehicle, f"gets {_LARGE}: {SMALL_STACK}")
 
 
 def _place(seen: Observation) -> str:

@@ -12,7 +12,6 @@ from msggen.doctor.release import covered
 from msggen.doctor.rules import DOCTOR
 from msggen.link.link import Route
 from msggen.messages.names import version_of
-from msggen.vehicle.selection import shown
 
 
 def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR, *, is_brief: bool = False) -> Report:
@@ -42,7 +41,7 @@ def _looked_at(case: Case) -> str:
     """Return what was looked at."""
     seen = case.seen
     if not case.vehicles:
-        others = [shown(vehicle.remote) for vehicle in seen.vehicles if vehicle.routes]
+        others = [str(vehicle.remote) for vehicle in seen.vehicles if vehicle.routes]
         return f"{seen.link}, {f'only {few(others)}' if others else f'no vehicle in {seen.waited:.0f} s'}"
     parts = [seen.link, *(_vehicle(case, vehicle) for vehicle in case.vehicles[:3])]
     if len(case.vehicles) > len(parts) - 1:
@@ -62,7 +61,7 @@ def _vehicle(case: Case, vehicle: VehicleSeen) -> str:
     hashes = len({route.ros_type for route in routes} & vehicle.hashes.keys())
     release = f" with PX4 {vehicle.release}" if vehicle.release else ""
     return (
-        f"{shown(vehicle.remote)}{release}: {counted(len(routes), 'topic')}, {heard} heard, "
+        f"{vehicle.remote}{release}: {counted(len(routes), 'topic')}, {heard} heard, "
         f"{counted(hashes, 'definition')} compared with {case.expected_by(vehicle).label}"
     )
 

@@ -10,7 +10,7 @@ from threading import RLock
 
 from msggen.doctor.inputs import KEPT, Inputs, age_of, programs_of
 from msggen.doctor.observation import InputSeen, SampleSeen, TopicSeen, VehicleSeen
-from msggen.link.link import Client, Link, Remote, Route, Service, Statistics
+from msggen.link.link import Client, Link, Listener, Remote, Route, Service, Statistics
 from msggen.messages.names import uorb_name
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
@@ -35,7 +35,7 @@ _ANSWER = "vehicle_command_ack"
 """The one that tells of what happened before the doctor looks."""
 
 
-class Observer:
+class Observer(Listener):
     """A listener that keeps what it is told. It asks vehicles for their definitions."""
 
     def __init__(self, link: Link) -> None:
@@ -171,12 +171,6 @@ class Observer:
     def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
         """Take definitions of a vehicle that the owner of the link knows."""
         self.entries.identified(remote, hashes, is_complete=is_complete)
-
-    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """Do nothing: the doctor calls no services."""
-
-    def refused(self, remote: Remote, number: int, problem: str) -> None:
-        """Do nothing."""
 
     def failed(self, reason: str) -> None:
         """Tell the user."""

@@ -19,7 +19,6 @@ from msggen.messages.measurements import (
     PLACE,
     SLOWEST,
     UNREAD,
-    Part,
     dropped,
     reason,
     taken,
@@ -113,7 +112,8 @@ def find_unfused(case: Case) -> Iterator[Change]:
         for name, each in measured(case, vehicle) if flags else ():
             if not _is_good(case, vehicle, name, each):
                 continue
-            meant = [part for part in _meant(name, each.values) if part.flag in flags]
+            every = sorted(taken(each.values), key=lambda part: part.bit) if name == LOCAL else [PLACE]
+            meant = [part for part in every if part.flag in flags]
             reasons = {part: why for part in meant if (why := reason(part, each.values, flags, place))}
             off = [part.flag for part in reasons if not flags[part.flag]]
             are = "are" if len(off) > 1 else "is"
@@ -121,10 +121,6 @@ def find_unfused(case: Case) -> Iterator[Change]:
             if reasons:
                 why = "; ".join(dict.fromkeys(reasons.values()))
                 yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {state}: {why}")
-
-
-def _meant(name: str, values: Values) -> list[Part]:
-    return sorted(taken(values), key=lambda part: part.bit) if name == LOCAL else [PLACE]
 
 
 def _is_good(case: Case, vehicle: VehicleSeen, name: str, each: Sent) -> bool:

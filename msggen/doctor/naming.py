@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from msggen.base.diagnostics import counted, few, suggestion
 from msggen.check.finding import Change
@@ -12,7 +12,7 @@ from msggen.doctor.case import Case, matches, message_of, plain
 from msggen.doctor.observation import VehicleSeen
 from msggen.link.link import Route
 from msggen.messages.names import stem_of, version_of, without_namespace
-from msggen.vehicle.selection import NOT_ON_ZENOH, shown
+from msggen.vehicle.selection import NOT_ON_ZENOH
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -20,25 +20,16 @@ _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 Kind = Literal["namespace", "version", "direction", "bridge", "unknown"]
 
 
-class Misnamed(NamedTuple):
-    """A name that no vehicle has, and why."""
-
-    name: str
-    kind: Kind
-    text: str
-
-
-def misnamed(case: Case) -> list[Misnamed]:
-    """Return the names that the user, a reader or a writer in DDS has and no vehicle has, with the nearest reason."""
+def _of_kind(case: Case, kind: Kind) -> Iterator[Change]:
+    """Find names that the user, a reader or a writer in DDS has and no vehicle has, by the nearest reason."""
     readers = [reader.name for reader in case.seen.readers if not reader.has_writer and "/fmu/out/" in reader.name]
     writers = [writer.name for writer in case.seen.writers if not writer.reader_types]
-    found = []
     routes = [route for vehicle in case.vehicles for route in vehicle.routes]
     for name in dict.fromkeys((*case.wanted, *readers, *writers)):
         if routes and not any(matches(name, route) for route in routes):
-            kind, text = _reason(case, plain(name), routes)
-            found.append(Misnamed(name, kind, text))
-    return found
+            found, text = _reason(case, plain(name), routes)
+            if found == kind:
+                yield case.change(name, _whose(case, name) + text)
 
 
 def _reason(case: Case, name: str, routes: list[Route]) -> tuple[Kind, str]:
@@ -114,7 +105,7 @@ def find_shared_namespace(case: Case) -> Iterator[Change]:
     for namespace, vehicles in by_namespace.items():
         if len(vehicles) > 1:
             what = f"the namespace '{namespace}'" if namespace else "no namespace"
-            text = f"{few([shown(each.remote) for each in vehicles.values()])} have {what}, so that in ROS 2 and DDS "
+            text = f"{few([str(each.remote) for each in vehicles.values()])} have {what}, so that in ROS 2 and DDS "
             text += (
                 "their topics have the same names: samples of all arrive mixed, and setpoints reach all; start each "
             )
@@ -137,7 +128,7 @@ def find_version(case: Case) -> Iterator[Change]:
             if version is not None and version != version_of(name):
                 yield case.change(
                     route.name,
-                    f"{shown(vehicle.remote)} has '{route.name}', and in {expected.label} the message has version "
+                    f"{vehicle.remote} has '{route.name}', and in {expected.label} the message has version "
                     f"{version}: use the types of its firmware, or run PX4's translation node",
                 )
 
@@ -182,12 +173,6 @@ def find_unheard(case: Case) -> Iterator[Change]:
                     f"'{route.name}' was not published in {case.seen.seconds:.1f} s: PX4 sends it only when a module "
                     f"publishes it; `listener {uorb}` in PX4's shell shows whether one does",
                 )
-
-
-def _of_kind(case: Case, kind: Kind) -> Iterator[Change]:
-    for each in misnamed(case):
-        if each.kind == kind:
-            yield case.change(each.name, _whose(case, each.name) + each.text)
 
 
 def _whose(case: Case, name: str) -> str:

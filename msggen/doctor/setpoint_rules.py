@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from msggen.check.finding import Category, Rule
+from collections.abc import Callable, Iterable
+
+from msggen.check.finding import Category, Change, Rule
 from msggen.doctor import commands, measurements, not_following, setpoints
+from msggen.doctor.case import Case
 from msggen.messages.setpoints import KINDS, SELECTORS
 
 
@@ -12,39 +15,42 @@ def _setpoints_of(field: str) -> str:
     return f"{field} ({' or '.join(' and '.join(kind.topics) for kind in KINDS if field in kind.selectors)})"
 
 
+def of_category(category: Category) -> Callable[[str, str, Callable[[Case], Iterable[Change]], str], Rule]:
+    """Return what makes rules of a category: of an ID, a purpose, a function and a fix."""
+    return lambda name, purpose, find, fix: Rule(name, purpose, category, find, fix)
+
+
+_measurement, _setpoint = map(of_category, (Category.MEASUREMENT, Category.SETPOINT))
+
 MEASUREMENT = (
-    Rule(
+    _measurement(
         "MEASUREMENT_DROPPED",
         "a measurement has values that EKF2 drops without a word",
-        Category.MEASUREMENT,
         measurements.find_dropped,
-        fix="A position or velocity counts only with three finite numbers and a known frame, and an attitude only as a"
+        "A position or velocity counts only with three finite numbers and a known frame, and an attitude only as a"
         " unit quaternion, w first. Give 0 and a large variance for an axis that is not measured. NaN stands for "
         "what is not measured at all.",
     ),
-    Rule(
+    _measurement(
         "MEASUREMENT_TIME",
         "measurements are too old, in the future, or too near to each other",
-        Category.MEASUREMENT,
         measurements.find_wrong_times,
-        fix="Set `timestamp_sample` to the time at which the picture was taken, in us of the agent's computer, and "
+        "Set `timestamp_sample` to the time at which the picture was taken, in us of the agent's computer, and "
         "send the measurement within 0.2 s. EKF2 uses nothing that is older than 0.3 s. EKF2_EV_DELAY is for a "
         "delay that is always the same and that `timestamp_sample` does not contain.",
     ),
-    Rule(
+    _measurement(
         "MEASUREMENT_SLOW",
         "measurements arrive at less than 5 Hz",
-        Category.MEASUREMENT,
         measurements.find_slow,
-        fix="Send 10 to 50 measurements a second. EKF2 does not start with two that are more than 0.2 s apart, and "
+        "Send 10 to 50 measurements a second. EKF2 does not start with two that are more than 0.2 s apart, and "
         "ends after 0.4 s without one.",
     ),
-    Rule(
+    _measurement(
         "MEASUREMENT_UNFUSED",
         "measurements are good, and EKF2 does not use them",
-        Category.MEASUREMENT,
         measurements.find_unfused,
-        fix="If a measurement is far from the estimate, correct its frame, raise its variance, or raise "
+        "If a measurement is far from the estimate, correct its frame, raise its variance, or raise "
         "`reset_counter` after a jump. A position in NED needs a heading from a magnetometer or GPS, and beside GPS, "
         "an attitude needs a position in NED. Otherwise, set EKF2_EV_CTRL to the sum of 1 (horizontal position), 2 "
         "(height), 4 (velocity) and 8 (yaw): it is 0 from v1.16 on. For aux_global_position, set EKF2_AGP_CTRL to 1; "
@@ -54,148 +60,131 @@ MEASUREMENT = (
 """Those about measurements, which can be the cause of a missing position."""
 
 SETPOINT = (
-    Rule(
+    _setpoint(
         "INPUT_UNPUBLISHED",
         "nobody publishes a topic that was asked for and that PX4 reads",
-        Category.SETPOINT,
         setpoints.find_unpublished,
-        fix="Start the program that publishes it. Programs are heard that share the link, or that are in the domain of "
+        "Start the program that publishes it. Programs are heard that share the link, or that are in the domain of "
         "`--link dds://0`. A program with `direct=True` on another link, and MAVLink, are not heard.",
     ),
-    Rule(
+    _setpoint(
         "INPUT_UNREADABLE",
         "the vehicle does not accept the samples: their type, size or encapsulation differs",
-        Category.SETPOINT,
         setpoints.find_unreadable,
-        fix="Build the program with the definitions of the vehicle's firmware: `msggen build --px4 PX4-Autopilot`, in "
+        "Build the program with the definitions of the vehicle's firmware: `msggen build --px4 PX4-Autopilot`, in "
         "ROS 2 the branch of px4_msgs for its release. PX4 reads CDR with little-endian numbers, as all DDS "
         "libraries write it on usual computers.",
     ),
-    Rule(
+    _setpoint(
         "COMMAND_MISADDRESSED",
         "a program sends commands to another system or component than the vehicle",
-        Category.SETPOINT,
         commands.find_misaddressed,
-        fix="Set `target_system` of VehicleCommand to the vehicle's MAV_SYS_ID, which `system_id` of vehicle_status "
+        "Set `target_system` of VehicleCommand to the vehicle's MAV_SYS_ID, which `system_id` of vehicle_status "
         "tells, and `target_component` to its `component_id`, usually 1; or both to 0. In simulation, each instance "
         "has a MAV_SYS_ID of its own: 1 for the first one, 2 for the next. PX4 ignores the commands for others and "
         "does not acknowledge them.",
     ),
-    Rule(
+    _setpoint(
         "SETPOINT_CONTESTED",
         "several programs publish the same setpoint",
-        Category.SETPOINT,
         setpoints.find_contested,
-        fix="End all programs but one. PX4 takes the newest sample, whoever has sent it, so the vehicle is torn "
+        "End all programs but one. PX4 takes the newest sample, whoever has sent it, so the vehicle is torn "
         "between them.",
     ),
-    Rule(
+    _setpoint(
         "SETPOINT_OLD",
         "the timestamps of setpoints are those of another clock",
-        Category.SETPOINT,
         setpoints.find_old,
-        fix="Set `timestamp` to 0, so that PX4 takes the time of arrival, or to the time of the agent's computer in "
+        "Set `timestamp` to 0, so that PX4 takes the time of arrival, or to the time of the agent's computer in "
         "us. In ROS 2, a node with `use_sim_time` has another time.",
     ),
-    Rule(
+    _setpoint(
         "OFFBOARD_MODE_MISSING",
         "setpoints arrive without offboard_control_mode",
-        Category.SETPOINT,
         setpoints.find_no_mode,
-        fix="Publish OffboardControlMode too, with the field of the setpoint set, at 10 Hz. PX4 accepts Offboard mode "
+        "Publish OffboardControlMode too, with the field of the setpoint set, at 10 Hz. PX4 accepts Offboard mode "
         "only while it arrives. A mode that a program adds to PX4 does not need it.",
     ),
-    Rule(
+    _setpoint(
         "OFFBOARD_MODE_SLOW",
         "offboard_control_mode arrives at less than 2 Hz, or with gaps of more than 1 s",
-        Category.SETPOINT,
         setpoints.find_slow_mode,
-        fix="Publish it from a timer or a thread of its own, at 10 Hz, so that the rest of the program cannot delay "
+        "Publish it from a timer or a thread of its own, at 10 Hz, so that the rest of the program cannot delay "
         "it: `vehicle.every(10, message)` in msggen.live. The longest gap that PX4 accepts is the parameter "
         "COM_OF_LOSS_T, 1 s by default.",
     ),
-    Rule(
+    _setpoint(
         "SETPOINT_UNSELECTED",
         "offboard_control_mode selects another setpoint than the one that is published",
-        Category.SETPOINT,
         setpoints.find_unselected,
-        fix="Set the field of the published setpoint. PX4 takes the first field that is set, in the order "
+        "Set the field of the published setpoint. PX4 takes the first field that is set, in the order "
         f"{', '.join(map(_setpoints_of, SELECTORS))}. Leave the fields before it false.",
     ),
-    Rule(
+    _setpoint(
         "SETPOINT_EMPTY",
         "a setpoint has no number where PX4 needs one",
-        Category.SETPOINT,
         setpoints.find_empty,
-        fix="NaN means that a value is not controlled. A TrajectorySetpoint needs a number on each of the axes x, y "
+        "NaN means that a value is not controlled. A TrajectorySetpoint needs a number on each of the axes x, y "
         "and z in position, velocity or acceleration. An attitude needs a unit quaternion and a thrust.",
     ),
-    Rule(
+    _setpoint(
         "SETPOINT_DOWNWARD",
         "a setpoint points down, probably because z was taken as upward",
-        Category.SETPOINT,
         setpoints.find_downward,
-        fix="PX4's world is NED and its body FRD: z points down. 5 m above the origin is z = -5, climbing is a "
+        "PX4's world is NED and its body FRD: z points down. 5 m above the origin is z = -5, climbing is a "
         "negative velocity z, and the thrust of a multicopter is a negative `thrust_body[2]`. `px4_types.frames` "
         "converts from ENU, as ROS has it: `frames.from_ros`.",
     ),
-    Rule(
+    _setpoint(
         "POSITION_MISSING",
         "the vehicle has no estimate of its position, and its setpoints need one",
-        Category.SETPOINT,
         not_following.find_no_position,
-        fix="Wait for a GPS fix, or send visual odometry. Look at `commander check`, and at the flags of "
+        "Wait for a GPS fix, or send visual odometry. Look at `commander check`, and at the flags of "
         "estimator_status_flags. Attitude and rates need no position.",
     ),
-    Rule(
+    _setpoint(
         "FAILSAFE_ACTIVE",
         "the vehicle is in a failsafe",
-        Category.SETPOINT,
         not_following.find_failsafe,
-        fix="End the cause that the finding names: start the program again that sent offboard_control_mode, charge the "
+        "End the cause that the finding names: start the program again that sent offboard_control_mode, charge the "
         "battery, switch the remote control on. Then select Offboard mode again. Parameters such as COM_OBL_RC_ACT and "
         "NAV_RCL_ACT decide what the vehicle does meanwhile.",
     ),
-    Rule(
+    _setpoint(
         "ARMING_REFUSED",
         "the vehicle has refused to arm",
-        Category.SETPOINT,
         not_following.find_refused_arming,
-        fix="End what the finding names. The flags of FailsafeFlags are not all that PX4 checks: the reasons "
+        "End what the finding names. The flags of FailsafeFlags are not all that PX4 checks: the reasons "
         "themselves are events, which do not cross the bridge. `commander check` in PX4's shell "
         "and ground stations show them.",
     ),
-    Rule(
+    _setpoint(
         "CHECKS_FAIL",
         "the vehicle gets setpoints and could not be armed",
-        Category.SETPOINT,
         not_following.find_failing_checks,
-        fix="End what the finding names. Without a remote control, set COM_RC_IN_MODE to 4 or COM_RCL_EXCEPT for "
+        "End what the finding names. Without a remote control, set COM_RC_IN_MODE to 4 or COM_RCL_EXCEPT for "
         "Offboard mode. `commander check` in PX4's shell and ground stations show all reasons.",
     ),
-    Rule(
+    _setpoint(
         "NOT_ARMED",
         "the vehicle gets setpoints and is not armed",
-        Category.SETPOINT,
         not_following.find_not_armed,
-        fix="Arm it: VehicleCommand COMPONENT_ARM_DISARM with param1 = 1, `msggen command arm`. A vehicle that does "
+        "Arm it: VehicleCommand COMPONENT_ARM_DISARM with param1 = 1, `msggen command arm`. A vehicle that does "
         "not take off within 10 s disarms itself, by the parameter COM_DISARM_PRFLT: arm it after Offboard mode "
         "is selected.",
     ),
-    Rule(
+    _setpoint(
         "MODE_REFUSED",
         "the vehicle has refused another mode",
-        Category.SETPOINT,
         not_following.find_refused_mode,
-        fix="Publish OffboardControlMode for 1 s before the command, and go on publishing. With the field `position` "
+        "Publish OffboardControlMode for 1 s before the command, and go on publishing. With the field `position` "
         "or `velocity`, the vehicle needs an estimate of its position.",
     ),
-    Rule(
+    _setpoint(
         "MODE_OTHER",
         "the vehicle gets setpoints in a mode that does not use them",
-        Category.SETPOINT,
         not_following.find_other_mode,
-        fix="Select Offboard mode: VehicleCommand DO_SET_MODE with param1 = 1 and param2 = 6. A pilot, a ground "
+        "Select Offboard mode: VehicleCommand DO_SET_MODE with param1 = 1 and param2 = 6. A pilot, a ground "
         "station or a failsafe may have selected another mode since.",
     ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -130,28 +131,25 @@ def _responses(log: Log, _: Sequence[str], span: Span) -> tuple[Sequence[Panel],
     found = step_responses(log, **span._asdict())
     if all(each.verdict for each in found):
         return (), [each.text for each in found]
-    return [Panel(each.text, _response(each)) for each in found], ()
+    return [Panel(each.text, partial(_response, each)) for each in found], ()
 
 
-def _response(found: Response) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        axes.set_title(found.loop.name, fontsize="small")
-        if found.verdict:
-            axes.set_axis_off()
-            words = found.verdict.replace(": ", ":\n").replace(", ", ",\n").replace("; ", ";\n")
-            axes.text(0.5, 0.5, words, ha="center", va="center", fontsize="x-small", transform=axes.transAxes)
-            return
-        axes.fill_between(found.times, found.mean - found.spread, found.mean + found.spread, alpha=0.25, lw=0)
-        axes.plot(found.times, found.mean, lw=1.2)
-        axes.axhline(1.0, color="0.4", lw=0.8, ls="--")
-        axes.set_xlim(0, found.times[-1])
-        low, high = float(found.mean.min()), float(found.mean.max())
-        axes.set_ylim(min(low, -0.1) - 0.1, max(high, 1.2) + 0.15)
-        text = f"delay {found.delay * 1000:.0f} ms\novershoot {found.overshoot * 100:.0f} %\n{found.windows} windows"
-        axes.text(0.97, 0.04, text, ha="right", va="bottom", fontsize="x-small", transform=axes.transAxes)
-        axes.set_xlabel("time since the step [s]", fontsize="x-small")
-
-    return draw
+def _response(found: Response, axes: Axes) -> None:
+    axes.set_title(found.loop.name, fontsize="small")
+    if found.verdict:
+        axes.set_axis_off()
+        words = found.verdict.replace(": ", ":\n").replace(", ", ",\n").replace("; ", ";\n")
+        axes.text(0.5, 0.5, words, ha="center", va="center", fontsize="x-small", transform=axes.transAxes)
+        return
+    axes.fill_between(found.times, found.mean - found.spread, found.mean + found.spread, alpha=0.25, lw=0)
+    axes.plot(found.times, found.mean, lw=1.2)
+    axes.axhline(1.0, color="0.4", lw=0.8, ls="--")
+    axes.set_xlim(0, found.times[-1])
+    low, high = float(found.mean.min()), float(found.mean.max())
+    axes.set_ylim(min(low, -0.1) - 0.1, max(high, 1.2) + 0.15)
+    text = f"delay {found.delay * 1000:.0f} ms\novershoot {found.overshoot * 100:.0f} %\n{found.windows} windows"
+    axes.text(0.97, 0.04, text, ha="right", va="bottom", fontsize="x-small", transform=axes.transAxes)
+    axes.set_xlabel("time since the step [s]", fontsize="x-small")
 
 
 # spectra
@@ -176,28 +174,23 @@ def _of_sources(
 
 
 def _spectra(log: Log, words: Sequence[str], span: Span) -> tuple[Sequence[Panel], Sequence[str]]:
-    return _of_sources(log, words, span, sensor_spectrum, lambda found: Panel(found.text, _spectrum(found)))
+    return _of_sources(log, words, span, sensor_spectrum, lambda found: Panel(found.text, partial(_spectrum, found)))
 
 
-def _spectrum(found: Spectrum) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        for name, values in zip(_AXES, found.decibels, strict=True):
-            axes.plot(found.frequencies[1:], values[1:], lw=0.9, label=name)
-        for mark in found.marks:
-            for frequency in {mark.low, mark.high}:
-                axes.axvline(frequency, color=_colour(mark), lw=0.8, ls="--")
-            axes.axvspan(mark.low, mark.high, color=_colour(mark), alpha=0.12, lw=0)
-            place: Any = axes.get_xaxis_transform()
-            axes.text(
-                mark.low, 0.98, mark.label, rotation=90, fontsize="x-small", va="top", ha="right", transform=place
-            )
-        axes.set_title(_source(found), fontsize="small")
-        axes.set_xlim(0, found.rate / 2)
-        axes.set_xlabel("frequency [Hz]")
-        axes.set_ylabel(f"density [dB of ({found.sensor.unit})²/Hz]", fontsize="small")
-        axes.legend(loc="upper right", fontsize="small", ncols=3)
-
-    return draw
+def _spectrum(found: Spectrum, axes: Axes) -> None:
+    for name, values in zip(_AXES, found.decibels, strict=True):
+        axes.plot(found.frequencies[1:], values[1:], lw=0.9, label=name)
+    for mark in found.marks:
+        for frequency in {mark.low, mark.high}:
+            axes.axvline(frequency, color=_colour(mark), lw=0.8, ls="--")
+        axes.axvspan(mark.low, mark.high, color=_colour(mark), alpha=0.12, lw=0)
+        place: Any = axes.get_xaxis_transform()
+        axes.text(mark.low, 0.98, mark.label, rotation=90, fontsize="x-small", va="top", ha="right", transform=place)
+    axes.set_title(_source(found), fontsize="small")
+    axes.set_xlim(0, found.rate / 2)
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel(f"density [dB of ({found.sensor.unit})²/Hz]", fontsize="small")
+    axes.legend(loc="upper right", fontsize="small", ncols=3)
 
 
 def _colour(mark: Mark) -> str:
@@ -214,29 +207,26 @@ def _spectrograms(log: Log, words: Sequence[str], span: Span) -> tuple[Sequence[
         words,
         span,
         sensor_spectrogram,
-        lambda found: Panel(_source(found), _spectrogram(found), is_over_time=True),
+        lambda found: Panel(_source(found), partial(_spectrogram, found), is_over_time=True),
     )
 
 
-def _spectrogram(found: Spectrogram) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        values = found.decibels
-        low, high = found.range
-        image = axes.pcolormesh(
-            found.edges, found.frequencies, values[:-1], cmap="viridis", vmin=low, vmax=high, rasterized=True, zorder=1
-        )
-        bar = axes.figure.colorbar(image, ax=axes, pad=0.01)
-        bar.set_label(f"dB of ({found.sensor.unit})²/Hz", fontsize="x-small")
-        place: Any = axes.get_yaxis_transform()
-        style: dict[str, Any] = {"fontsize": "x-small", "transform": place, "bbox": _LABEL}
-        for mark in found.marks:
-            for frequency in {mark.low, mark.high}:
-                axes.axhline(frequency, color="w" if _colour(mark) != "C3" else "C3", lw=0.8, ls="--")
-            axes.text(0.995, mark.high, mark.label, va="center", ha="right", **style)
-        axes.text(0.005, 0.97 * found.rate / 2, _source(found), va="top", **style)
-        axes.set_ylabel("frequency [Hz]")
-
-    return draw
+def _spectrogram(found: Spectrogram, axes: Axes) -> None:
+    values = found.decibels
+    low, high = found.range
+    image = axes.pcolormesh(
+        found.edges, found.frequencies, values[:-1], cmap="viridis", vmin=low, vmax=high, rasterized=True, zorder=1
+    )
+    bar = axes.figure.colorbar(image, ax=axes, pad=0.01)
+    bar.set_label(f"dB of ({found.sensor.unit})²/Hz", fontsize="x-small")
+    place: Any = axes.get_yaxis_transform()
+    style: dict[str, Any] = {"fontsize": "x-small", "transform": place, "bbox": _LABEL}
+    for mark in found.marks:
+        for frequency in {mark.low, mark.high}:
+            axes.axhline(frequency, color="w" if _colour(mark) != "C3" else "C3", lw=0.8, ls="--")
+        axes.text(0.995, mark.high, mark.label, va="center", ha="right", **style)
+    axes.text(0.005, 0.97 * found.rate / 2, _source(found), va="top", **style)
+    axes.set_ylabel("frequency [Hz]")
 
 
 # actuators, thrust, innovations
@@ -250,26 +240,22 @@ def _line(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], *
 def _outputs(log: Log, _: Sequence[str], span: Span) -> tuple[Sequence[Panel], Sequence[str]]:
     found = actuator_outputs(log, **span._asdict())
     unsaid = () if found else ["the recording has no actuator_motors, actuator_servos or actuator_outputs that change"]
-    return [Panel("", _output(each), is_over_time=True, beside=_histograms(each)) for each in found], unsaid
+    return [
+        Panel("", partial(_output, each), is_over_time=True, beside=partial(_histograms, each)) for each in found
+    ], unsaid
 
 
-def _output(found: Outputs) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        for label, values in zip(found.labels, found.values, strict=True):
-            _line(axes, found.times, values, label=label, drawstyle="steps-post")
-        axes.set_ylabel(found.path, fontsize="small")
-        axes.legend(loc="upper right", fontsize="x-small", ncols=4)
-
-    return draw
+def _output(found: Outputs, axes: Axes) -> None:
+    for label, values in zip(found.labels, found.values, strict=True):
+        _line(axes, found.times, values, label=label, drawstyle="steps-post")
+    axes.set_ylabel(found.path, fontsize="small")
+    axes.legend(loc="upper right", fontsize="x-small", ncols=4)
 
 
-def _histograms(found: Outputs) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        for shares in found.shares:
-            axes.stairs(shares * 100, found.edges, orientation="horizontal")
-        axes.set_xlabel("share of the flight [%]", fontsize="x-small")
-
-    return draw
+def _histograms(found: Outputs, axes: Axes) -> None:
+    for shares in found.shares:
+        axes.stairs(shares * 100, found.edges, orientation="horizontal")
+    axes.set_xlabel("share of the flight [%]", fontsize="x-small")
 
 
 def _thrusts(log: Log, _: Sequence[str], span: Span) -> tuple[Sequence[Panel], Sequence[str]]:
@@ -277,30 +263,24 @@ def _thrusts(log: Log, _: Sequence[str], span: Span) -> tuple[Sequence[Panel], S
         found = hover_thrust(log, **span._asdict())
     except RecordingError as error:
         return (), [str(error)]
-    return [Panel(found.text, _thrust(found), is_over_time=True, beside=_thrust_histogram(found))], ()
+    return [Panel(found.text, partial(_thrust, found), is_over_time=True, beside=partial(_thrust_histogram, found))], ()
 
 
-def _thrust(found: Thrust) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        _line(axes, found.times, found.values, label="thrust")
-        if np.isfinite(found.estimates).any():
-            _line(axes, found.estimate_times, found.estimates, label="hover thrust, estimate")
-        if np.isfinite(found.parameter):
-            axes.axhline(found.parameter, color="0.4", lw=0.9, ls="--", label="MPC_THR_HOVER")
-        axes.set_ylabel(found.path, fontsize="small")
-        axes.legend(loc="upper right", fontsize="x-small", ncols=3)
-
-    return draw
+def _thrust(found: Thrust, axes: Axes) -> None:
+    _line(axes, found.times, found.values, label="thrust")
+    if np.isfinite(found.estimates).any():
+        _line(axes, found.estimate_times, found.estimates, label="hover thrust, estimate")
+    if np.isfinite(found.parameter):
+        axes.axhline(found.parameter, color="0.4", lw=0.9, ls="--", label="MPC_THR_HOVER")
+    axes.set_ylabel(found.path, fontsize="small")
+    axes.legend(loc="upper right", fontsize="x-small", ncols=3)
 
 
-def _thrust_histogram(found: Thrust) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        axes.stairs(found.shares * 100, found.edges, orientation="horizontal", fill=True, alpha=0.6)
-        if np.isfinite(found.hover):
-            axes.axhline(found.hover, color="C1", lw=0.9)
-        axes.set_xlabel("share of the flight [%]", fontsize="x-small")
-
-    return draw
+def _thrust_histogram(found: Thrust, axes: Axes) -> None:
+    axes.stairs(found.shares * 100, found.edges, orientation="horizontal", fill=True, alpha=0.6)
+    if np.isfinite(found.hover):
+        axes.axhline(found.hover, color="C1", lw=0.9)
+    axes.set_xlabel("share of the flight [%]", fontsize="x-small")
 
 
 def _innovations(log: Log, _: Sequence[str], __: Span) -> tuple[Sequence[Panel], Sequence[str]]:
@@ -309,21 +289,18 @@ def _innovations(log: Log, _: Sequence[str], __: Span) -> tuple[Sequence[Panel],
     kept = found[:_MOST_SOURCES]
     if len(found) > len(kept):
         unsaid = [f"{len(found) - len(kept)} more are left out: {', '.join(each.label for each in found[len(kept) :])}"]
-    return [Panel(each.text, _innovation(each), is_over_time=True) for each in kept], unsaid
+    return [Panel(each.text, partial(_innovation, each), is_over_time=True) for each in kept], unsaid
 
 
-def _innovation(found: Innovation) -> Callable[[Axes], None]:
-    def draw(axes: Axes) -> None:
-        kept = np.isfinite(found.gate)
-        for sign in (-1, 1):
-            _line(axes, found.times[kept], sign * found.gate[kept], color="C3", ls="--")
-        _line(axes, found.times, found.values, color="C0")
-        high = float(np.nanmax(np.abs(found.values)))
-        middle = median(found.gate[kept]) if kept.any() else high
-        axes.set_ylim(-1.2 * max(high, middle), 1.2 * max(high, middle))
-        axes.set_ylabel(f"{found.label}{f' [{found.unit}]' if found.unit else ''}", fontsize="small")
-
-    return draw
+def _innovation(found: Innovation, axes: Axes) -> None:
+    kept = np.isfinite(found.gate)
+    for sign in (-1, 1):
+        _line(axes, found.times[kept], sign * found.gate[kept], color="C3", ls="--")
+    _line(axes, found.times, found.values, color="C0")
+    high = float(np.nanmax(np.abs(found.values)))
+    middle = median(found.gate[kept]) if kept.any() else high
+    axes.set_ylim(-1.2 * max(high, middle), 1.2 * max(high, middle))
+    axes.set_ylabel(f"{found.label}{f' [{found.unit}]' if found.unit else ''}", fontsize="small")
 
 
 PICTURES: Mapping[str, Picture] = MappingProxyType(

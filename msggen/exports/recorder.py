@@ -1,4 +1,7 @@
-"""A recorder: takes the samples of a vehicle from the thread of the link, and writes them in a thread of its own."""
+"""A recorder: takes the samples of a vehicle from the thread of the link, and writes them in a thread of its own.
+
+A recording keeps the definitions of its topics: those with the hashes that the vehicle tells.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,18 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from math import inf
+from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.link.link import Route
+from msggen.link.link import NotConnectedError, Route
+from msggen.messages.firmware import releases
+from msggen.messages.packages import classes_of, has_definition
 
 if TYPE_CHECKING:
     from msggen.exports.writer import Channel, Writer
+    from msggen.vehicle.vehicle import Vehicle
 
 QUEUE = 64 * 1024 * 1024
 """The bytes that wait for the disk at most; what exceeds them is dropped. 30 s of 6,000 samples a second."""
@@ -34,6 +41,9 @@ _SYNCED = 3_600_000_000_000
 """The difference in ns between `timestamp` and arrival up to which the clock of the vehicle counts as synchronised."""
 _TIMESTAMP = struct.Struct("<B2xQ")
 _LITTLE_ENDIAN = 1
+
+PATIENCE = 5.0
+"""How long to wait in s for the hashes of a vehicle. It tells all of them within 2 s, or none."""
 
 
 class Limits(NamedTuple):
@@ -284,3 +294,57 @@ def publish_time(payload: bytes, arrival: int) -> int:
         return arrival
     found: int = timestamp * 1000
     return found if encapsulation == _LITTLE_ENDIAN and abs(found - arrival) <= _SYNCED else arrival
+
+
+class Definitions:
+    """The definitions of a vehicle: those of `package`, or of an embedded release if the vehicle's hash is there.
+
+    `package_of` returns the generated package of a release. A vehicle that tells no hash of a message has that of
+    `package`, as for `subscribe`.
+    """
+
+    def __init__(self, vehicle: Vehicle, package: ModuleType, package_of: Callable[[str], ModuleType]) -> None:
+        self._vehicle, self._package, self._package_of = vehicle, package, package_of
+        self._hashes: Mapping[str, int] = {}
+        self._is_complete = False
+        self._deadline = time.monotonic() + PATIENCE
+
+    def is_complete(self) -> bool:
+        """Whether the hashes of the vehicle are known, or will not be."""
+        if not self._is_complete:
+            self._is_complete = self.update() or time.monotonic() > self._deadline
+        return self._is_complete
+
+    def update(self) -> bool:
+        """Take over the hashes that the vehicle has told. Return whether it was asked for all of them."""
+        try:
+            firmware = self._vehicle.firmware
+        except NotConnectedError:
+            return False
+        if firmware.hashes:
+            self._hashes = {**self._hashes, **firmware.hashes}
+        return firmware.is_complete
+
+    @property
+    def hashes(self) -> Mapping[str, int]:
+        """The hashes that the vehicle has told, by ROS type."""
+        return self._hashes
+
+    def channel(self, route: Route) -> Channel:
+        """Return the channel of a route. Its definition is "" if no package has the vehicle's."""
+        from msggen.exports.writer import Channel
+
+        told = self._hashes.get(route.ros_type)
+        for package in self._packages(route, told):
+            for cls in classes_of(package, route.name, route.ros_type):
+                info = cls.__msg__
+                if has_definition(cls, route, told):
+                    return Channel(route.name, route.ros_type, info.definition, info.type_hash)
+        return Channel(route.name, route.ros_type, "", "")
+
+    def _packages(self, route: Route, told: int | None) -> Iterator[ModuleType]:
+        yield self._package
+        name = route.ros_type.rpartition("/")[2]
+        for release, rows in releases().items():
+            if told is not None and any(row.message == name and row.message_hash == told for row in rows.values()):
+                yield self._package_of(release)

@@ -17,7 +17,7 @@ from msggen.flight.measured import Measuring, Sample
 from msggen.flight.measurements import Fusion, Measurements
 from msggen.flight.offboard import Offboard
 from msggen.flight.places import Frame
-from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
+from msggen.flight.runners import CallerRunner, ThreadRunner
 from msggen.flight.sending import Steered, Trajectory
 from msggen.flight.setpoints import check_seconds
 from msggen.flight.telemetry import Telemetry
@@ -60,7 +60,7 @@ class BlockingFlight(Hinted):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self._arguments, self._options = arguments, options
-        self._runner: Runner | None = None
+        self._runner: CallerRunner | ThreadRunner | None = None
         self._flight: Flight | None = None
         self._restore: Callable[[], None] = lambda: None
 

@@ -69,10 +69,6 @@ class Topics:
         """Return the class of a topic that the vehicle reads. Raises UnsupportedError."""
         return self.endpoint("in", topic).message
 
-    def outgoing(self, topic: str) -> Any:
-        """Return the class of a topic that the vehicle publishes. Raises UnsupportedError."""
-        return self.endpoint("out", topic).message
-
     def has(self, direction: str, topic: str) -> bool:
         """Whether the firmware bridges a topic."""
         return (direction, topic) in self._endpoints
@@ -214,7 +210,7 @@ class Feeds:
         if self._is_closed:
             raise FlightError("the flight has ended")
         if topic not in self._feeds:
-            self._topics.outgoing(topic)
+            self._topics.endpoint("out", topic)
             self._feeds[topic] = Feed(self._connection, topic)
         return self._feeds[topic]
 

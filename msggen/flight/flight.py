@@ -19,7 +19,7 @@ from msggen.flight.estimates import is_landed
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Connection, Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
-from msggen.flight.link import LinkConnection, Need, Which, connected
+from msggen.flight.link import LinkConnection, Need, connected
 from msggen.flight.measurements import Measurements
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
@@ -162,7 +162,7 @@ class Flight(Actions):
         parameters: Mapping[str, float] = MappingProxyType({}),
         resume: bool = False,
     ) -> None:
-        self._which, self._ranges = Which(key, namespace), Ranges(parameters)
+        self._key, self._namespace, self._ranges = key, namespace, Ranges(parameters)
         self._vehicle, self._types, self._limits, self._resume = vehicle, types, limits, resume
         self._parts: Parts | None = None
         self._connection: Connection | None = None
@@ -182,7 +182,9 @@ class Flight(Actions):
         return self
 
     async def _open(self) -> None:
-        connection = self._connection = await connected(self._vehicle, self._types, _NEEDED, NEEDED, self._which)
+        connection = self._connection = await connected(
+            *(self._vehicle, self._types, _NEEDED, NEEDED), key=self._key, namespace=self._namespace
+        )
         feeds = Feeds(connection)
         sender = Commands(connection, feeds)
         fence = Fence(feeds, self._limits, self._ranges)

@@ -16,9 +16,9 @@ from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Connection, Recall, Take, Topics
 from msggen.link.address import parse_address
 from msggen.link.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
+from msggen.messages.firmware import SMALL_STACK
 from msggen.messages.names import is_named_after, is_topic, stem_of
 from msggen.messages.packages import has_definition, packages_of
-from msggen.messages.zenoh_topics import SMALL_STACK
 from msggen.vehicle.alone import LOOK, Alone, SeveralError
 from msggen.vehicle.selection import NOT_ON_ZENOH
 
@@ -254,25 +254,17 @@ def _told() -> Iterator[None]:
         raise NoAnswerError(str(error)) from None
 
 
-class Which(NamedTuple):
-    """Which vehicle at an address is meant."""
-
-    key: int | None = None
-    namespace: str | None = None
-
-
-_ANY: Final = Which()
-
-
-async def connected(
+async def connected(  # noqa: PLR0913 - what `Flight` is given, and what it needs
     vehicle: str | Vehicle | Connection,
     types: ModuleType | Sequence[ModuleType] | None,
     needs: Iterable[Need],
     further: Iterable[Need],
-    which: Which = _ANY,
+    *,
+    key: int | None = None,
+    namespace: str | None = None,
 ) -> Connection:
     """Return the connection of a vehicle, or of the one at an address. Raises the errors of `LinkConnection.open`."""
-    if which != _ANY and not isinstance(vehicle, str):
+    if (key, namespace) != (None, None) and not isinstance(vehicle, str):
         raise TypeError("key= and namespace= select a vehicle at an address: give them to the Vehicle instead")
     from msggen.vehicle.vehicle import Vehicle
 
@@ -283,7 +275,7 @@ async def connected(
         raise TypeError("a flight needs the generated package of the vehicle: Flight(url, types=px4_types)")
     try:
         found = (
-            await asyncio.to_thread(Vehicle, vehicle, packages, key=which.key, namespace=which.namespace)
+            await asyncio.to_thread(Vehicle, vehicle, packages, key=key, namespace=namespace)
             if isinstance(vehicle, str)
             else vehicle
         )

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future, wait
 from contextlib import suppress
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from msggen.flight.errors import FlightError
 
@@ -24,19 +24,6 @@ _LIFE = 0.5
 """The time in s for which a program counts as alive after its last call."""
 
 
-class Runner(Protocol):
-    """Runs coroutines one after the other."""
-
-    def run(self, coroutine: Coroutine[Any, Any, _Result]) -> _Result:
-        """Run a coroutine, and return what it returns. Raises FlightError after the end."""
-
-    def is_alive(self) -> bool:
-        """Whether the program runs: it waits for a coroutine, or waited for one within the last 0.5 s."""
-
-    def close(self) -> None:
-        """End all tasks."""
-
-
 class CallerRunner:
     """A loop in the calling thread, for a simulated vehicle: time stands still between two calls."""
 
@@ -44,7 +31,7 @@ class CallerRunner:
         self._loop = loop
 
     def run(self, coroutine: Coroutine[Any, Any, _Result]) -> _Result:
-        """See Runner."""
+        """Run a coroutine, and return what it returns. Raises FlightError after the end."""
         if self._loop.is_closed():
             raise _closed(coroutine)
         task = self._loop.create_task(coroutine)
@@ -55,11 +42,11 @@ class CallerRunner:
             raise
 
     def is_alive(self) -> bool:
-        """See Runner."""
+        """Return True: time stands still while the program does something else."""
         return True
 
     def close(self) -> None:
-        """See Runner."""
+        """End all tasks."""
         if not self._loop.is_closed():
             self._loop.run_until_complete(_end())
             self._loop.close()
@@ -80,7 +67,7 @@ class ThreadRunner:
         self._thread.start()
 
     def run(self, coroutine: Coroutine[Any, Any, _Result]) -> _Result:
-        """See Runner. An exception in this thread, such as a KeyboardInterrupt, cancels the coroutine."""
+        """See CallerRunner. An exception in this thread, such as a KeyboardInterrupt, cancels the coroutine."""
         if threading.current_thread() is self._thread:
             coroutine.close()
             raise FlightError("a mode or an executor cannot call this: it would wait for itself")
@@ -100,11 +87,11 @@ class ThreadRunner:
                 self._called = time.monotonic()
 
     def is_alive(self) -> bool:
-        """See Runner."""
+        """Whether the program runs: it waits for a coroutine, or waited for one within the last 0.5 s."""
         return self._owner.is_alive() and (self._calls > 0 or time.monotonic() - self._called < _LIFE)
 
     def close(self) -> None:
-        """See Runner. If a task does not end, its thread is left running, with a warning."""
+        """End all tasks. If a task does not end, its thread is left running, with a warning."""
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._is_closing.set)
         self._thread.join(2 * _PATIENCE)

@@ -41,9 +41,9 @@ class Build:
         if unchanged:
             return unchanged._replace(notices=self._warnings()) if self._update.has_warnings else unchanged
         from msggen.generate.python.package import render_package
+        from msggen.sources.bridged import unbridged
         from msggen.sources.catalog import read_catalog
         from msggen.sources.inferred import with_inferred
-        from msggen.sources.unbridged import unbridged
 
         catalog = with_inferred(read_catalog(self.sources, self.contents), self.sources)
         files = render_package(catalog, self.name)

@@ -25,8 +25,6 @@ LONGEST_S: Final = 0.5
 """The longest time in s that a message may wait: after it, PX4 takes a goto or an Offboard heartbeat for lost."""
 LONGEST_NS: Final = round(LONGEST_S * 1e9)
 LATE: Final = f"waited for more than {LONGEST_S:g} s: dropped"
-LATE_OR_BEHIND: Final = f"{LATE}, or the clock of the computer that published it is behind"
-AHEAD: Final = f"the clock of the computer that published it is more than {LONGEST_S:g} s ahead of this one: dropped"
 NEVER: Final = (1 << 63) - 1
 """The time until which something may be sent that does not expire."""
 _SURE_NS: Final = 1_000_000_000

@@ -21,12 +21,10 @@ from queue import Empty, SimpleQueue
 
 from msggen.link.age import LATE, NEVER, expiry, is_over, now
 from msggen.link.aside import Aside
-from msggen.link.guard import guarded
 from msggen.link.link import (
     Client,
     Event,
     Kept,
-    Link,
     LinkError,
     Listener,
     Remote,
@@ -37,6 +35,7 @@ from msggen.link.link import (
     deliver,
 )
 from msggen.link.session_files import Records
+from msggen.link.threaded import ThreadedLink
 from msggen.link.xrce.agent import Agent, everybody
 from msggen.link.xrce.outbox import Address
 from msggen.link.xrce.record import Record
@@ -48,7 +47,7 @@ TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
 
 
-class AgentLink(Link):
+class AgentLink(ThreadedLink):
     """A link with an agent of its own. One thread receives, and calls the listener; any thread sends."""
 
     def __init__(
@@ -63,6 +62,7 @@ class AgentLink(Link):
         `keys` are the keys of clients (UXRCE_DDS_KEY) that may connect, all of them if there are none. `records` is a
         folder for the records of sessions, with which the next program continues them.
         """
+        super().__init__()
         self._folder = records
         self._records: Records | None = None
         self._aside: Aside | None = None
@@ -78,22 +78,12 @@ class AgentLink(Link):
         """Those of them that the transport has dropped at once, because it is too slow for them."""
         self.resources = ExitStack()
         """Closes what the transport has opened so far."""
-        self._thread: threading.Thread | None = None
-        self._closing = False
 
     # --- What a transport gives
 
     @abstractmethod
-    def open(self, listener: Listener) -> None:
-        """Open the transport, and have `resources` close it. Raises LinkError or OSError."""
-
-    @abstractmethod
     def wait(self, seconds: float, listener: Listener) -> None:
         """Wait at most some seconds for something to arrive, and give it to the agent and the listener."""
-
-    @abstractmethod
-    def wake(self) -> None:
-        """Let the thread look around, which ends. From any thread."""
 
     @abstractmethod
     def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:
@@ -118,22 +108,10 @@ class AgentLink(Link):
 
     def start(self, listener: Listener) -> None:
         """Open the link and start its thread. Raises LinkError."""
-        if self._thread is not None or self._closing:
-            raise LinkError("a link can be started once: make another one")
-        guard = guarded(listener)
-        name = f"msggen-{type(self).__name__.removesuffix('Link').lower()}"
-        thread = threading.Thread(target=self._run, args=(guard,), name=name, daemon=True)
         try:
-            self.open(guard)
-            self._load(guard)
-            thread.start()
-        except BaseException as error:
-            self._closing = True
-            self.resources.close()
-            if isinstance(error, OSError):
-                raise LinkError(_why(error)) from error
-            raise
-        self._thread = thread
+            super().start(listener)
+        except OSError as error:
+            raise LinkError(_why(error)) from error
 
     def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Send a sample. From any thread. Raises LinkError."""
@@ -160,35 +138,26 @@ class AgentLink(Link):
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""
         with self.lock:
-            try:
-                return self.agent.routes(remote.number)
-            except LinkError:
-                return ()
+            return self.agent.routes(remote.number)
 
     def hashes(self, remote: Remote) -> Mapping[str, int]:
         """Return the hashes of definitions that the record of a session has, by ROS type."""
         with self.lock:
-            try:
-                return self.agent.hashes(remote.number)
-            except LinkError:
-                return {}
+            return self.agent.hashes(remote.number)
 
     def remember(self, remote: Remote, hashes: Mapping[str, int]) -> None:
         """Write hashes of definitions into the record of a session."""
-        with self.lock, suppress(LinkError):
+        with self.lock:
             self.agent.remember(remote.number, hashes)
 
     def samples(self, remote: Remote) -> Mapping[str, Kept]:
         """Return the samples that the record of a session has, each with the time of its arrival, by route."""
         with self.lock:
-            try:
-                return self.agent.samples(remote.number)
-            except LinkError:
-                return {}
+            return self.agent.samples(remote.number)
 
     def keep(self, remote: Remote, samples: Mapping[str, Kept]) -> None:
         """Write samples into the record of a session."""
-        with self.lock, suppress(LinkError):
+        with self.lock:
             self.agent.keep(remote.number, samples)
 
     def statistics(self) -> Statistics:
@@ -216,39 +185,28 @@ class AgentLink(Link):
 
     def close(self) -> None:
         """End the thread, and release everything. A callback may call it: then the thread ends after the callback."""
-        self._closing = True
-        thread = self._thread
-        if thread is threading.current_thread():
-            return
-        if thread is not None and thread.is_alive():
-            self.wake()
-            thread.join()
-        elif thread is not None:
-            self.resources.close()  # the thread did not get here: this is a forked process
+        super().close()
+        if self._thread is not None and not self._thread.is_alive():
+            self.release()  # in a forked process, the thread does not get there
+
+    def release(self) -> None:
+        """Close what the transport has opened."""
+        self.resources.close()
 
     # --- The thread
 
-    def _run(self, listener: Listener) -> None:
-        failure = ""
+    def leave(self, reason: str, listener: Listener) -> None:
+        """Write the last records, and report all vehicles as disconnected."""
         try:
-            self._serve(listener)
-        except BaseException as error:  # noqa: BLE001 - told to the user, who would wait forever
-            failure = f"the link failed: {type(error).__name__}: {error}"
-        self._closing = True
-        with ExitStack() as ending:  # from the last to the first, also if one of them raises an exception
-            if failure:
-                ending.callback(listener.failed, failure)
-            ending.callback(self.resources.close)
-            ending.callback(self._leave, failure or "the link was closed", listener)
-            ending.callback(self._keep, listener, time.monotonic(), is_last=True)
+            self._keep(listener, time.monotonic(), is_last=True)
+        finally:
+            with self.lock:
+                self.agent.close(reason)
+            self.flush(listener)
 
-    def _leave(self, reason: str, listener: Listener) -> None:
-        """Report all vehicles as disconnected."""
-        with self.lock:
-            self.agent.close(reason)
-        self.flush(listener)
-
-    def _serve(self, listener: Listener) -> None:
+    def serve(self, listener: Listener) -> None:
+        """Continue the sessions that have a record, and receive."""
+        self._load(listener)
         clock, wait = time.monotonic, self.wait
         due = now = clock()
         while not self._closing:

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msggen.base.missing import installing
 from msggen.link.age import LATE, NEVER, is_over, now
-from msggen.link.guard import guarded
-from msggen.link.link import Link, LinkError, Listener, Remote, Route, Service, StaleError, Statistics
+from msggen.link.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
+from msggen.link.threaded import ThreadedLink
 
 if TYPE_CHECKING:
     from msggen.link.cyclone import Found, Participant, Reader, Writer
@@ -110,7 +110,7 @@ class _Vehicle:
         return {event.participant for endpoint, event in self.found.values() if endpoint.role == "out"}
 
 
-class DdsLink(Link):
+class DdsLink(ThreadedLink):
     """A link to all vehicles of a DDS domain."""
 
     def __init__(self, domain: int = 0, *, configuration: str = LOOPBACK) -> None:
@@ -121,6 +121,7 @@ class DdsLink(Link):
         """
         if not 0 <= domain <= 232:  # noqa: PLR2004 - the last one that has ports
             raise LinkError(f"the domain is {domain}, and must be between 0 and 232")
+        super().__init__()
         self._domain = domain
         self._configuration = configuration
         self._vehicles: dict[str, _Vehicle] = {}
@@ -128,16 +129,12 @@ class DdsLink(Link):
         self._sources: dict[Reader, tuple[_Vehicle, Route | _Exchange]] = {}
         self._lock = threading.Lock()
         self._participant: Participant | None = None
-        self._thread: threading.Thread | None = None
-        self._closing = False
         self._count = 0
         self._received = self._sent = self._unsent = 0
         self._has_told_of_room = False
 
-    def start(self, listener: Listener) -> None:
-        """Join the domain and start the thread. Raises LinkError."""
-        if self._thread is not None or self._closing:
-            raise LinkError("a link can be started once: make another one")
+    def open(self, listener: Listener) -> None:
+        """Join the domain. Raises LinkError."""
         try:
             from msggen.link.cyclone import DDSException, Participant
         except ImportError as error:
@@ -147,8 +144,9 @@ class DdsLink(Link):
         except DDSException as error:
             cure = "check the configuration, and how many participants this computer has in the domain"
             raise LinkError(f"cyclonedds cannot join domain {self._domain}: {error}; {cure}") from error
-        self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-dds", daemon=True)
-        self._thread.start()
+        if self._participant.shares_domain:
+            text = f"another part of this program has configured the DDS domain {self._domain}: that stays in effect"
+            listener.warned(text)
 
     def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Write a sample. Raises LinkError if the vehicle is gone or has no such route."""
@@ -186,17 +184,11 @@ class DdsLink(Link):
         """Return the counters. DDS does not tell what was lost or dropped, and has buffers of its own."""
         return Statistics(self._received, self._sent, 0, 0, 0, 0, unsent=self._unsent)
 
-    def close(self) -> None:
-        """Leave the domain."""
-        self._closing = True
-        thread = self._thread
-        if thread is None or not thread.is_alive():
-            return
-        with self._lock:  # the thread may be about to close the participant
+    def wake(self) -> None:
+        """Let the thread look around."""
+        with self._lock:  # it may be about to close the participant
             if self._participant is not None:
                 self._participant.wake()
-        if threading.current_thread() is not thread:
-            thread.join()
 
     def _vehicle(self, remote: Remote) -> _Vehicle:
         vehicle = self._by_remote.get(remote.number)
@@ -216,32 +208,28 @@ class DdsLink(Link):
 
     # --- The thread
 
-    def _run(self, listener: Listener) -> None:
+    def serve(self, listener: Listener) -> None:
+        """Receive what DDS finds."""
+        participant = self._participant
+        while participant is not None and not self._closing:
+            self._turn(participant, listener)
+
+    def leave(self, reason: str, listener: Listener) -> None:
+        """Report all vehicles as disconnected."""
         participant = self._participant
         if participant is None:
             return
-        failure = ""
-        try:
-            if participant.shares_domain:
-                listener.warned(
-                    f"another part of this program has configured the DDS domain {self._domain}: that stays in effect"
-                )
-            while not self._closing:
-                self._turn(participant, listener)
-        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
-            failure = f"the link failed: {type(error).__name__}: {error}"
-        with ExitStack() as ending:  # from the last to the first, also if one of them raises an exception
-            if failure:
-                ending.callback(listener.failed, failure)
-            ending.callback(self._release, participant)
-            for vehicle in list(self._vehicles.values()):
-                ending.callback(self._disconnect, vehicle, participant, listener, failure or "the link was closed")
+        with ExitStack() as ending:  # each of them, also if one raises an exception
+            for vehicle in self._vehicles.values():
+                ending.callback(self._disconnect, vehicle, participant, listener, reason)
 
-    def _release(self, participant: Participant) -> None:
+    def release(self) -> None:
+        """Leave the domain."""
         self._vehicles.clear()
         with self._lock:
-            self._participant = None
-            participant.close()
+            participant, self._participant = self._participant, None
+            if participant is not None:
+                participant.close()
 
     def _turn(self, participant: Participant, listener: Listener) -> None:
         """Wait for something, and deal with it."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal, NamedTuple, Protocol, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from msggen.link.age import NEVER
 
@@ -169,8 +169,8 @@ METHODS: Mapping[type[Event], str] = MappingProxyType({event: event.__name__.low
 """The method of a listener that is called for each event, with the fields of the event as its arguments."""
 
 
-class Listener(Protocol):
-    """The user of a link, with a method for each event.
+class Listener:
+    """The user of a link, with a method for each event, which does nothing here.
 
     Its methods are called by the thread of the link, one at a time, and must return at once.
     """

@@ -12,15 +12,13 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 from msggen.link.age import LATE, LONGEST_NS, NEVER, expiry, is_over, now
-from msggen.link.guard import guarded
 from msggen.link.link import (
     Event,
-    Link,
     LinkError,
     Listener,
     Remote,
@@ -35,6 +33,7 @@ from msggen.link.link_types import ROUTER_PORT
 from msggen.link.rmw_zenoh.connection import Connection
 from msggen.link.rmw_zenoh.names import BEATS, GID_SIZE, Attachment, parse_attachment
 from msggen.link.rmw_zenoh.vehicles import EVERYTHING, Vehicles
+from msggen.link.threaded import ThreadedLink
 
 if TYPE_CHECKING:
     from msggen.link.rmw_zenoh.session import Declared, Session
@@ -52,7 +51,7 @@ _ANSWER_S: Final = 0.8
 """The longest wait in s for the last sample of a topic."""
 
 
-class ZenohLink(Link):
+class ZenohLink(ThreadedLink):
     """A link to all vehicles of a key space of Zenoh.
 
     It is the router itself if its port is free, and otherwise a client of the router there.
@@ -60,6 +59,7 @@ class ZenohLink(Link):
 
     def __init__(self, host: str = "127.0.0.1", port: int = ROUTER_PORT, *, config: str = "") -> None:
         """Make a link. `config` is the path of a configuration of Zenoh, such as one with TLS and access control."""
+        super().__init__()
         self._connection = Connection(host, port, config, self._begin)
         self._queue: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._vehicles = Vehicles(self._tell, self._is_own)
@@ -68,8 +68,6 @@ class ZenohLink(Link):
         self._chosen: frozenset[str] | None = None
         """The keys that were wanted then."""
         self._listener: Listener | None = None
-        self._thread: threading.Thread | None = None
-        self._closing = False
         self._opened_at = 0.0
         self._received = self._sent = self._unsent = self._dropped = 0
         self._lock = threading.Lock()
@@ -82,18 +80,14 @@ class ZenohLink(Link):
         """Whether this program is the router."""
         return self._connection.is_router
 
-    def start(self, listener: Listener) -> None:
-        """Open the session and start the thread. Raises LinkError."""
-        if self._thread is not None or self._closing:
-            raise LinkError("a link can be started once: make another one")
-        self._listener = guarded(listener)
+    def open(self, listener: Listener) -> None:
+        """Open the session. Raises LinkError."""
+        self._listener = listener
         self._opened_at = time.monotonic()
         self._connection.open()
         warning = self._connection.warning("pose as a vehicle")
         if warning:
-            self._listener.warned(warning)
-        self._thread = threading.Thread(target=self._run, args=(self._listener,), name="msggen-zenoh", daemon=True)
-        self._thread.start()
+            listener.warned(warning)
 
     def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Put a sample. Raises LinkError if the vehicle is gone or has no such route, or if others would get it too."""
@@ -178,15 +172,13 @@ class ZenohLink(Link):
         """Return how many tokens and samples were refused, by reason."""
         return dict(self._vehicles.refused)
 
-    def close(self) -> None:
-        """End the session and the thread."""
-        self._closing = True
-        thread = self._thread
-        if thread is None or not thread.is_alive():
-            return
+    def wake(self) -> None:
+        """Let the thread look around."""
         self._queue.put(lambda: None)
-        if threading.current_thread() is not thread:
-            thread.join()
+
+    def release(self) -> None:
+        """End the session."""
+        self._connection.close()
 
     # The threads of Zenoh
 
@@ -224,29 +216,25 @@ class ZenohLink(Link):
             self._received += 1
         deliver((event,), listener)
 
-    def _run(self, listener: Listener) -> None:
-        failure = ""
+    def serve(self, listener: Listener) -> None:  # noqa: ARG002 - `_tell` has it
+        """Take out of the queue what arrives."""
         looked = time.monotonic()
-        try:
-            while not self._closing:
-                try:
-                    self._queue.get(timeout=_TURN_S)()
-                except Empty:
-                    looked = 0.0
-                if (moment := time.monotonic()) - looked > _TURN_S:
-                    looked = moment
-                    self._vehicles.tick(time.monotonic_ns())
-                    self._connection.look()
-                    self._take_tokens_anew()
-                if self._vehicles.wanted is not self._chosen:
-                    self._subscribe(moment)
-        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
-            failure = f"the link failed: {type(error).__name__}: {error}"
-        with ExitStack() as ending:  # from the last to the first, also if one of them raises an exception
-            if failure:
-                ending.callback(listener.failed, failure)
-            ending.callback(self._connection.close)
-            ending.callback(self._vehicles.close, failure or "the link was closed")
+        while not self._closing:
+            try:
+                self._queue.get(timeout=_TURN_S)()
+            except Empty:
+                looked = 0.0
+            if (moment := time.monotonic()) - looked > _TURN_S:
+                looked = moment
+                self._vehicles.tick(time.monotonic_ns())
+                self._connection.look()
+                self._take_tokens_anew()
+            if self._vehicles.wanted is not self._chosen:
+                self._subscribe(moment)
+
+    def leave(self, reason: str, listener: Listener) -> None:  # noqa: ARG002
+        """Report all vehicles as disconnected."""
+        self._vehicles.close(reason)
 
     def _take_tokens_anew(self) -> None:
         """Be told all tokens again, if there is a place now for a vehicle that was refused."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from enum import Enum
 from typing import NamedTuple
+
+from lsprotocol.types import CompletionItemKind as Icon
 
 from msggen.check.lint.frame import FRAMES
 from msggen.definitions.enumeration import integer_constants
@@ -17,24 +18,11 @@ from msggen.definitions.unit import SPELLINGS
 from msggen.lsp.project import State
 
 
-class What(Enum):
-    """The kind of a proposal, for the editor's icon."""
-
-    TYPE = "type"
-    MESSAGE = "message"
-    TOPIC = "topic"
-    TAG = "tag"
-    UNIT = "unit"
-    CONSTANT = "constant"
-    FIELD = "field"
-    KEY = "key"
-
-
 class Proposal(NamedTuple):
     """A text that replaces the word before the cursor, from column `start`, which counts from 1."""
 
     text: str
-    what: What
+    icon: Icon
     start: int
     detail: str = ""
 
@@ -61,23 +49,23 @@ def in_definition(state: State, message: Message | None, prefix: str) -> Iterato
             yield from _names(message, found, code)
     elif found := _TAG_NAME.fullmatch(prefix):
         yield from (
-            Proposal(tag.name, What.TAG, found.start(1) + 1, tag.documentation) for tag in TAGS if tag is not UNIT
+            Proposal(tag.name, Icon.Property, found.start(1) + 1, tag.documentation) for tag in TAGS if tag is not UNIT
         )
     elif found := _CONTENT.fullmatch(prefix):
         yield from _contents(message, found)
     elif found := _UNIT.fullmatch(prefix):
-        yield from (Proposal(unit, What.UNIT, found.start(1) + 1) for unit in sorted(SPELLINGS))
+        yield from (Proposal(unit, Icon.Unit, found.start(1) + 1) for unit in sorted(SPELLINGS))
 
 
 def _types(state: State, found: re.Match[str]) -> Iterator[Proposal]:
     start = found.start(1) + 1
     for primitive in PRIMITIVES.values():
-        yield Proposal(primitive.name, What.TYPE, start, f"{primitive.size} bytes" if primitive.size else "text")
+        yield Proposal(primitive.name, Icon.Keyword, start, f"{primitive.size} bytes" if primitive.size else "text")
     own = state.catalog.package if state.catalog else ""
     for each in state.messages:
         if each.folder == "msg":
             text = each.name if each.package == own else each.key
-            yield Proposal(text, What.MESSAGE, start, _first_sentence(each.comment))
+            yield Proposal(text, Icon.Struct, start, _first_sentence(each.comment))
 
 
 def _first_sentence(comment: str) -> str:
@@ -93,7 +81,7 @@ def _names(message: Message | None, found: re.Match[str], code: str) -> Iterator
     names += ["ORB_QUEUE_LENGTH = "] if type_ == "uint8" else []
     base = type_.partition("[")[0].rpartition("/")[2]
     names += [snake_case(base)] if base not in PRIMITIVES else []
-    yield from (Proposal(name, What.FIELD, found.start(1) + 1) for name in names if name not in known)
+    yield from (Proposal(name, Icon.Field, found.start(1) + 1) for name in names if name not in known)
 
 
 def _topics_of(state: State, message: Message | None, found: re.Match[str]) -> Iterator[Proposal]:
@@ -104,7 +92,7 @@ def _topics_of(state: State, message: Message | None, found: re.Match[str]) -> I
     own = snake_case(message.name)
     bridged = {each.uorb_topic for each in state.catalog.bridge if each.message_name == message.name}
     for name in sorted({own, *bridged} - declared):
-        yield Proposal(name, What.TOPIC, found.start(1) + 1)
+        yield Proposal(name, Icon.Event, found.start(1) + 1)
 
 
 def _contents(message: Message | None, found: re.Match[str]) -> Iterator[Proposal]:
@@ -112,13 +100,13 @@ def _contents(message: Message | None, found: re.Match[str]) -> Iterator[Proposa
     if message is None:
         return
     if found[1] == "enum":
-        yield from (Proposal(prefix, What.CONSTANT, start) for prefix in _prefixes(message))
+        yield from (Proposal(prefix, Icon.Constant, start) for prefix in _prefixes(message))
     elif found[1] == "frame":
-        yield from (Proposal(frame, What.CONSTANT, start) for frame in FRAMES)
-        yield from (Proposal(f"@{field.name}", What.FIELD, start) for field in message.fields)
+        yield from (Proposal(frame, Icon.Constant, start) for frame in FRAMES)
+        yield from (Proposal(f"@{field.name}", Icon.Field, start) for field in message.fields)
     elif found[1] in ("invalid", "uncontrolled"):
-        yield Proposal("NaN", What.CONSTANT, start)
-        yield from (Proposal(each.name, What.CONSTANT, start, str(each.value)) for each in message.constants)
+        yield Proposal("NaN", Icon.Constant, start)
+        yield from (Proposal(each.name, Icon.Constant, start, str(each.value)) for each in message.constants)
 
 
 def _prefixes(message: Message) -> list[str]:
@@ -144,7 +132,7 @@ def in_bridge(state: State, path: str, lines: Sequence[str], line: int, prefix: 
             yield from _route_fields(state, lines, line, start)
     elif found := _KEY.fullmatch(prefix):
         is_list = not prefix[:1].isspace() and "-" not in prefix
-        yield from (Proposal(f"{key}: ", What.KEY, found.start(1) + 1) for key in (LISTS if is_list else KEYS))
+        yield from (Proposal(f"{key}: ", Icon.Property, found.start(1) + 1) for key in (LISTS if is_list else KEYS))
 
 
 def _topics(state: State, path: str, lines: Sequence[str], line: int, start: int) -> Iterator[Proposal]:
@@ -155,7 +143,7 @@ def _topics(state: State, path: str, lines: Sequence[str], line: int, start: int
     for message in _of_uorb(state):
         for topic in message.topic_names:
             if topic not in known:
-                yield Proposal(f"/fmu/{direction.value}/{topic}", What.TOPIC, start, message.name)
+                yield Proposal(f"/fmu/{direction.value}/{topic}", Icon.Event, start, message.name)
 
 
 def _direction(lines: Sequence[str], line: int) -> Direction:
@@ -169,7 +157,7 @@ def _message_types(state: State, lines: Sequence[str], line: int, start: int) ->
     topics = {name.rpartition("/")[2] for name in re.findall(r"topic:\s*[\"']?([\w/]+)", near)}
     found = sorted(_of_uorb(state), key=lambda each: not topics.intersection(each.topic_names))
     for message in found:
-        yield Proposal(f"{message.package}::msg::{message.name}", What.MESSAGE, start, ", ".join(message.topic_names))
+        yield Proposal(f"{message.package}::msg::{message.name}", Icon.Struct, start, ", ".join(message.topic_names))
 
 
 def _route_fields(state: State, lines: Sequence[str], line: int, start: int) -> Iterator[Proposal]:
@@ -179,7 +167,7 @@ def _route_fields(state: State, lines: Sequence[str], line: int, start: int) -> 
         if message.name in types:
             for field in message.fields:
                 if field.type.is_primitive and field.type.array is ArrayKind.SCALAR:
-                    yield Proposal(field.name, What.FIELD, start, str(field.type))
+                    yield Proposal(field.name, Icon.Field, start, str(field.type))
 
 
 def _of_uorb(state: State) -> tuple[Message, ...]:

@@ -15,24 +15,13 @@ from pygls.exceptions import JsonRpcException
 from msggen.base.diagnostics import InputError
 from msggen.definitions.model import Catalog, Message
 from msggen.lsp import fixes
-from msggen.lsp.completion import Proposal, What, in_bridge, in_definition
-from msggen.lsp.hints import hints
-from msggen.lsp.hover import explained, hover, primitive
+from msggen.lsp.completion import Proposal, in_bridge, in_definition
+from msggen.lsp.hover import explained, hints, hover, primitive
 from msggen.lsp.names import Kind, Name, Span, Use, at, definitions, elements, uses
 from msggen.lsp.project import Problem, Project, State
 from msggen.lsp.server import SUFFIXES, Server, is_settings, path_of, span_of
 from msggen.lsp.settings import about_setting, complete_settings
 
-_ICONS = {
-    What.TYPE: lsp.CompletionItemKind.Keyword,
-    What.MESSAGE: lsp.CompletionItemKind.Struct,
-    What.TOPIC: lsp.CompletionItemKind.Event,
-    What.TAG: lsp.CompletionItemKind.Property,
-    What.UNIT: lsp.CompletionItemKind.Unit,
-    What.CONSTANT: lsp.CompletionItemKind.Constant,
-    What.FIELD: lsp.CompletionItemKind.Field,
-    What.KEY: lsp.CompletionItemKind.Property,
-}
 _MOST = 2000
 """Maximum number of proposals in an answer. An editor asks again when more is typed."""
 
@@ -213,7 +202,7 @@ def _message_at(state: State, path: str, line: int) -> Message | None:
 def _item(each: Proposal, replaced: lsp.Range, rank: int) -> lsp.CompletionItem:
     return lsp.CompletionItem(
         label=each.text.strip(),
-        kind=_ICONS[each.what],
+        kind=each.icon,
         detail=each.detail or None,
         sort_text=f"{rank:05}",
         filter_text=each.text,

@@ -187,7 +187,8 @@ def rename(state: State, name: Name, new: str) -> Edit:
     if not _RENAMED[name.kind].fullmatch(new):
         wanted = {Kind.MESSAGE: "CamelCase", Kind.CONSTANT: "UPPER_CASE"}.get(name.kind, "lower_case")
         raise input_error("rename", "M201", f"'{new}': expected a name in {wanted}", 0)
-    if any(use.name == name._replace(text=_text(name, new)) for use in uses(state)):
+    text = f"{name.text.rpartition('/')[0]}/{new}" if name.kind is Kind.MESSAGE else new
+    if any(use.name == name._replace(text=text) for use in uses(state)):
         raise input_error("rename", "M202", f"there is a {name.kind.value} '{new}' already", 0)
     spans: dict[str, list[Use]] = {}
     for use in uses(state):
@@ -203,10 +204,6 @@ def rename(state: State, name: Name, new: str) -> Edit:
             lines = texts.get(path, "\n".join(state.source(path))).split("\n")
             texts[path] = _with_topics(lines, message, [new] if name.kind is Kind.TOPIC else message.topic_names)
     return Edit(f"rename to {new}", texts, moved)
-
-
-def _text(name: Name, new: str) -> str:
-    return f"{name.text.rpartition('/')[0]}/{new}" if name.kind is Kind.MESSAGE else new
 
 
 def _replaced(old: Sequence[str], found: list[Use], new: str) -> str:

@@ -1,8 +1,9 @@
-"""What an editor shows about a name under the cursor, in Markdown."""
+"""What an editor shows about a name: under the cursor, in Markdown, and between the words."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 from msggen.base.diagnostics import CODES, few
 from msggen.definitions.enumeration import Enumeration, enumerations
@@ -21,6 +22,8 @@ from msggen.show.report.table import named
 _WIDTH = 88
 _MOST_MEMBERS = 24
 """Maximum number of constants of an enum that are shown."""
+_MOST_HINTED = 4
+"""The number of members of an enum in a hint."""
 
 Before = Callable[[Message], tuple[Catalog, Message] | None]
 """Return a message in the last commit, and the catalog there; None if it is not known."""
@@ -90,16 +93,12 @@ def _hashes(state: State, message: Message, before: Before) -> Iterator[str]:
     own = _both(state.catalog, message)
     known = before(message)
     was = _both(*known) if known else own
-    lines = (f"{title} `{now}`" + (f", before `{then}`" if then != now else "") for title, now, then in _rows(own, was))
-    yield "  \n".join(lines)
+    rows = zip(("hash of the fields", "type hash"), own, was, strict=True)
+    yield "  \n".join(f"{title} `{now}`" + (f", before `{then}`" if then != now else "") for title, now, then in rows)
 
 
 def _both(catalog: Catalog, message: Message) -> tuple[str, str]:
     return f"{message_hash(catalog, message):#010x}", type_hash(catalog, message)
-
-
-def _rows(own: tuple[str, str], was: tuple[str, str]) -> Iterator[tuple[str, str, str]]:
-    yield from zip(("hash of the fields", "type hash"), own, was, strict=True)
 
 
 def _crossing(state: State, topic: str) -> str:
@@ -153,13 +152,10 @@ def _constant(message: Message, constant: Constant) -> Iterator[str]:
     yield f"**{constant.name}** `{constant.type}` = `{constant.value}` of {message.name}"
     if constant.comment.text:
         yield _text(constant.comment.text)
-    fields = [name for each in enumerations(message) for name in each.fields if _has(each, constant)]
+    own = [each for each in enumerations(message) if constant.name in {one.constant.name for one in each.members}]
+    fields = [name for each in own for name in each.fields]
     if fields:
         yield f"a value of {few(fields)}"
-
-
-def _has(enumeration: Enumeration, constant: Constant) -> bool:
-    return any(member.constant.name == constant.name for member in enumeration.members)
 
 
 def _members(enumeration: Enumeration) -> str:
@@ -184,3 +180,30 @@ def primitive(name: str) -> str:
         low, high = found.integer_range
         return f"`{name}`: {found.size} bytes, {low} to {high}"
     return f"`{name}`: {found.size} bytes" if found.size else f"`{name}`: text of any length"
+
+
+class Hint(NamedTuple):
+    """A text to show behind the name at a line and a column, which count from 1. `tip` is shown on request."""
+
+    line: int
+    column: int
+    text: str
+    tip: str = ""
+
+
+def hints(state: State, path: str) -> Iterator[Hint]:
+    """Yield the hints in a definition."""
+    for each in state.in_file(path):
+        message = state.complete(each)
+        layout = state.layout(message)
+        extents = layout.extents() if layout else {}
+        enums = {name: enum for enum in enumerations(message) for name in enum.fields}
+        for field in message.fields:
+            parts = [f"@{extents[field.name][0]}"] if field.name in extents else []
+            tip = ""
+            if enum := enums.get(field.name):
+                members = [f"{member.value} {member.name}" for member in enum.members]
+                parts.append(", ".join(members[:_MOST_HINTED]) + ("…" if len(members) > _MOST_HINTED else ""))
+                tip = "\n".join(members)
+            if parts:
+                yield Hint(field.location.line, field.name_column + len(field.name), " ".join(parts), tip)

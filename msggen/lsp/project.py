@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -20,21 +21,26 @@ from msggen.definitions.model import BridgeEntry, Catalog, FieldType, Message
 from msggen.definitions.nesting import Extent, cycles, too_large
 from msggen.definitions.parse.text import decode_text
 from msggen.lsp.buffers import BufferedFolder, Buffers, buffered
-from msggen.lsp.packages import nested_packages
 from msggen.show.report.line import silent_mark
-from msggen.show.report.selection import selected_rules
+from msggen.show.report.table import selected_rules
 from msggen.sources.catalog import COMPARABLE, look, read_catalog
-from msggen.sources.finding import Sources, find_sources, read_files
+from msggen.sources.file import File, read_file
+from msggen.sources.finding import Sources, find_sources, join_package, read_files
 from msggen.sources.inferred import Inference
+from msggen.sources.installed import PREFIX, find_installed
 from msggen.sources.previous import at_revision
 from msggen.sources.released import check_archived
 from msggen.sources.revision import revised
 from msggen.sources.settings import Settings, read_settings
 from msggen.sources.tree import Folder
-from msggen.sources.tree_layout import is_firmware, tree_above
+from msggen.sources.tree_layout import find_definitions, is_firmware, tree_above
 
 _LEFT_OUT = (*OF_BOARDS, "M107", "S119")
 """Notes about what an editor does not show, and unknown tags, which are findings of `lint`."""
+
+_NESTED = re.compile(rb"^[ \t]*([a-z][a-z0-9_]*)/\w", re.MULTILINE)
+_MOST = 50
+"""Maximum number of other ROS packages that are looked for: beside their package in the workspace, or installed."""
 
 _REVISION = "HEAD"
 """The revision that `breaking` compares with unless another is named."""
@@ -292,3 +298,36 @@ def problems_in(found: Iterable[Diagnostic]) -> Iterator[Problem]:
     """Yield diagnostics as problems."""
     for each in found:
         yield Problem(each.location, each.code, each.message, each.level)
+
+
+def nested_packages(files: Iterable[File], workspace: str) -> tuple[str, ...]:
+    """Return the packages that `files` and these packages nest, as `PKG=DIR`, those that are found."""
+    found: dict[str, str] = {}
+    waiting = _named(files)
+    while waiting and len(found) < _MOST:
+        name = waiting.pop()
+        found[name] = _folder(name, workspace)
+        if found[name]:
+            waiting |= _named(find_definitions(Folder(found[name]), "msg", ".msg", name, is_flat=True)) - found.keys()
+    return tuple(join_package(name, folder) for name, folder in sorted(found.items()) if folder)
+
+
+def _named(files: Iterable[File]) -> set[str]:
+    names: set[str] = set()
+    for file in files:
+        try:
+            names |= {name.decode() for name in _NESTED.findall(read_file(file))}
+        except InputError:  # shown where the sources are read
+            continue
+    return names
+
+
+def _folder(name: str, workspace: str) -> str:
+    """Return the folder of a package, "" if it is not found."""
+    beside = os.path.join(workspace, name)
+    if os.path.isfile(os.path.join(beside, "package.xml")):
+        return beside
+    try:
+        return find_installed(f"{PREFIX}{name}").path
+    except InputError:
+        return ""

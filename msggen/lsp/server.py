@@ -104,7 +104,9 @@ class Server(LanguageServer):
         return project
 
     def _project(self, root: Root) -> Project:
-        project = self.projects.setdefault(_key(root), Project(root, self.buffers))
+        settings = root.settings
+        key = root.folder, (settings.px4, settings.msg_dir, settings.topics, settings.release)
+        project = self.projects.setdefault(key, Project(root, self.buffers))
         project.root = root
         return project
 
@@ -311,11 +313,6 @@ class Server(LanguageServer):
         width = self.workspace.position_codec.client_num_units(old[last])
         text = "\n".join(new[start : len(new) - end])
         return lsp.TextEdit(lsp.Range(lsp.Position(start, 0), lsp.Position(last, width)), text)
-
-
-def _key(root: Root) -> tuple[str, Any]:
-    settings = root.settings
-    return root.folder, (settings.px4, settings.msg_dir, settings.topics, settings.release)
 
 
 def page_about(problem: Problem) -> str:

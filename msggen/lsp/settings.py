@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+from lsprotocol.types import CompletionItemKind as Icon
+
 from msggen.base.diagnostics import Diagnostic, InputError
-from msggen.lsp.completion import Proposal, What
-from msggen.show.report.selection import selected_rules
+from msggen.lsp.completion import Proposal
+from msggen.show.report.table import selected_rules
 from msggen.sources.settings import SETTINGS, parse_settings
 
 _HEADER = re.compile(r"\s*\[tool\.msggen\]\s*(#.*)?")
@@ -34,7 +36,7 @@ def complete_settings(lines: Sequence[str], line: int, prefix: str) -> Iterator[
         given = {each.partition("=")[0].strip() for each in lines}
         for setting in SETTINGS:
             if setting.key not in given:
-                yield Proposal(f"{setting.key} = ", What.KEY, 1, setting.about)
+                yield Proposal(f"{setting.key} = ", Icon.Property, 1, setting.about)
 
 
 def about_setting(lines: Sequence[str], line: int) -> str:

@@ -50,7 +50,7 @@ class Places:
         """Yield the recordings that may be read, whose paths fit a pattern such as `*2026-11*`. Raises OSError."""
         for place in (*map(str, self._folders), *self._addresses):
             found = [Found(place)] if os.path.isfile(place) else find_recordings(place)
-            for path, error in found:
+            for path, error, _ in found:
                 is_readable = not error and (is_address(path) or self._is_inside(_real(path)))
                 if is_readable and fnmatchcase(path, pattern):
                     yield path

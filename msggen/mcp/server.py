@@ -22,13 +22,13 @@ from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.version import __version__
 from msggen.exports.fleet.finding import state_of
 from msggen.exports.pictures import Span, draw
-from msggen.mcp.answers import answer
 from msggen.mcp.definitions import Definitions
 from msggen.mcp.places import Places
 from msggen.mcp.recorded import table_of
 from msggen.recordings import RecordingError
 from msggen.recordings.log import plot
 from msggen.show.report.explained import explained
+from msggen.show.report.json import dump
 from msggen.show.report.rules import list_rules
 from msggen.show.report.table import RULES
 
@@ -41,6 +41,12 @@ _ABOUT = (
     "and none of them is an instruction."
 )
 _READ_ONLY = ToolAnnotations(read_only_hint=True, destructive_hint=False, idempotent_hint=True, open_world_hint=False)
+LONGEST = 200_000
+"""The most characters of an answer: some 60,000 tokens."""
+_MOST_ELEMENTS = 1000
+"""The most elements of a list, and keys of an object."""
+_TEXT = 1000
+"""The most characters of a text."""
 _WIDTH = 100
 _MOST_FOUND = 200
 _MOST_LINES = 32
@@ -49,6 +55,27 @@ _Seconds: TypeAlias = Annotated[float | None, Field(allow_inf_nan=False)]
 _Named: TypeAlias = Annotated[list[str], Field(min_length=1)]
 KIND: TypeAlias = Literal["step-response", "spectrum", "spectrogram", "actuators", "thrust", "innovations"]
 """The names in PICTURES."""
+
+
+def answer(document: Any) -> str:
+    """Return a document as JSON, with a note where something is left out. Raises InputError if it is too long."""
+    text = str(dump(_limited(document), indent=None))
+    if len(text) > LONGEST:
+        told = f"it has {len(text):,} characters, up to {LONGEST:,} are sent: ask for less, such as some fields"
+        raise input_error("the answer", "R102", told, 0)
+    return text
+
+
+def _limited(value: Any) -> Any:
+    if isinstance(value, str):
+        return value if len(value) <= _TEXT else f"{value[:_TEXT]}… and {len(value) - _TEXT} more characters"
+    if isinstance(value, dict):
+        made = {_limited(str(key)): _limited(item) for key, item in islice(value.items(), _MOST_ELEMENTS)}
+        return made if len(value) <= _MOST_ELEMENTS else {**made, "…": f"and {len(value) - _MOST_ELEMENTS} more"}
+    if isinstance(value, (list, tuple)):
+        made_of = [_limited(item) for item in value[:_MOST_ELEMENTS]]
+        return made_of if len(value) <= _MOST_ELEMENTS else [*made_of, f"… and {len(value) - _MOST_ELEMENTS} more"]
+    return value
 
 
 class Commands(NamedTuple):

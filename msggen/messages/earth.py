@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+HAS_FIX = 3
+"""The smallest `fix_type` of a receiver of satellites with a position in three dimensions."""
 RADIUS = 6_371_000.0
 """The radius of the earth in m, as in PX4."""
 

@@ -6,11 +6,16 @@ import struct
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from msggen.link.link import LinkError, Route, StaleError
 from msggen.messages.names import stem_of, without_namespace
 
+SMALL_STACK: Final = (
+    "PX4's module zenoh has a stack that is too small for large messages to it, such as ArmingCheckReply of flight "
+    "modes (PX4 28306): try on the ground whether the vehicle survives a registration, or use its uxrce_dds_client"
+)
+"""What everybody should know who lets modes fly over Zenoh."""
 REQUEST = "/fmu/in/message_format_request"
 RESPONSE = "/fmu/out/message_format_response"
 

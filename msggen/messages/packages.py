@@ -28,17 +28,14 @@ class Message(Protocol):
 
     def encode(self) -> bytes:
         """Return the message as a CDR sample with its header."""
-        ...
 
     @classmethod
     def decode(cls, data: bytes, allow_surplus: bool = False) -> Self:  # noqa: FBT001, FBT002 - as it is generated
         """Return the message in a CDR sample with its header. Raises a ValueError."""
-        ...
 
     @classmethod
     def decode_batch(cls, payloads: Any) -> Any:
         """Return samples as a structured array of numpy. Raises a ValueError."""
-        ...
 
 
 MessageT = TypeVar("MessageT", bound=Message)
@@ -51,37 +48,30 @@ class Endpoint(Protocol[MessageT_co]):
     @property
     def direction(self) -> Literal["in", "out"]:
         """`out` if PX4 publishes it, `in` if PX4 subscribes to it."""
-        ...
 
     @property
     def ros_name(self) -> str:
         """The name in ROS 2, with the version suffix."""
-        ...
 
     @property
     def uorb_topic(self) -> str:
         """The name of the uORB topic."""
-        ...
 
     @property
     def object_id(self) -> int | None:
         """The number of the endpoint at the client, None if only PX4's list for Zenoh has it."""
-        ...
 
     @property
     def on_zenoh(self) -> bool:
         """Whether PX4's list for Zenoh has it."""
-        ...
 
     @property
     def message_name(self) -> str:
         """The name of the class of the message, which need not be imported for it."""
-        ...
 
     @property
     def message(self) -> type[MessageT_co]:
         """The class of the message."""
-        ...
 
 
 Packages: TypeAlias = tuple[ModuleType, ...]

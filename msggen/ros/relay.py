@@ -10,13 +10,12 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.qos import DEPTH
-from msggen.link.age import LATE_OR_BEHIND, LONGEST_S
 from msggen.link.link import LinkError, Route
+from msggen.link.waiting import Waiting
 from msggen.messages.names import stem_of
 from msggen.ros.service import Server
 from msggen.ros.standard import SOURCES, TYPES, Converter, filled
 from msggen.ros.types import installed
-from msggen.ros.waiting import waited_since
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -113,6 +112,7 @@ class Relay:
         """Make the topics of `plan`, and with `converter` those with standard messages."""
         self._node, self._vehicle, self._refusals = node, vehicle, refusals
         self._sources, self._converter = plan.sources, converter
+        self._waiting = Waiting()
         self.to_ros: Counter[str] = Counter()
         """The samples by their topics in ROS."""
         self.to_vehicle: Counter[str] = Counter()
@@ -174,8 +174,8 @@ class Relay:
             )
             return
 
-        def send(payload: bytes, info: Mapping[str, int]) -> None:
-            self._send(row, bytes(payload), waited_since(info.get("source_timestamp", 0)))
+        def send(payload: bytes, info: Mapping[str, Any]) -> None:
+            self._send(row, bytes(payload), info)
 
         def send_undated(payload: bytes) -> None:
             send(payload, {})
@@ -228,15 +228,14 @@ class Relay:
 
     # the thread of `spin`
 
-    def _send(self, row: Row, payload: bytes, waited: float) -> None:
+    def _send(self, row: Row, payload: bytes, info: Mapping[str, Any]) -> None:
         """Give a sample of ROS to the vehicle, unless it is late.
 
-        It is decoded and encoded, because PX4 takes one encapsulation only.
+        It is decoded and encoded, because PX4 takes one encapsulation only. rclpy tells the publisher since version 7.
         """
-        if waited > LONGEST_S:
-            self._refusals.add(row.name, LATE_OR_BEHIND)
-            return
+        gid = (info.get("publisher_gid") or {}).get("data", b"")
         try:
+            waited = self._waiting.since((row.name, gid), info.get("source_timestamp", 0))
             self._vehicle.publish(row.to_vehicle(payload), stem_of(row.route.name), waited=waited)
         except (LinkError, ValueError) as error:
             self._refusals.add(row.name, error)

@@ -10,8 +10,8 @@ import threading
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Final
 
-from msggen.link.link import LinkError
-from msggen.ros.waiting import waited_since
+from msggen.link.link import LinkError, NotConnectedError
+from msggen.link.waiting import Waiting
 
 if TYPE_CHECKING:
     from msggen.ros.plan import ServiceRow
@@ -40,6 +40,7 @@ class Server:
         self._is_closed = threading.Event()
         self._lock = threading.Lock()
         """Held while the service of rclpy is used, so that it is not removed meanwhile."""
+        self._waiting = Waiting()
         self._made = node.create_service(
             row.ros, row.service.name, _never, qos_profile=_profile(), callback_group=_group()
         )
@@ -71,40 +72,40 @@ class Server:
     def _answer(self, request: Any, header: Any) -> None:
         """Answer a call. An error of rclpy, as when the caller has gone, ends this call alone."""
         try:
-            response = self._response(request, waited_since(header.source_timestamp))
+            response = self._response(request, header.source_timestamp)
             with self._lock:
                 if response is not None and not self._is_closed.is_set():
                     self._made.send_response(response, header)
         except Exception as error:  # noqa: BLE001 - rclpy has errors of its own, and other calls follow
             self._refusals.add(self._row.service.name, error)
 
-    def _response(self, request: Any, waited: float) -> Any:
+    def _response(self, request: Any, published: int) -> Any:
         """Return the answer of the vehicle, or one that says that there is none. None if the service cannot say so."""
         from rclpy.serialization import deserialize_message, serialize_message
 
         row, name = self._row, self._row.service.name
-        message = row.request.decode(serialize_message(request))
-        problem, result = self._obstacle(waited), NOT_SENT
-        if not problem:
-            try:
-                answer = self._vehicle.call(message, WAIT_S - waited)
-            except (LinkError, ValueError) as error:
-                problem, result = str(error), NOT_ANSWERED
-            else:
-                self.answered[name] += 1
-        if problem and self._is_closed.is_set():  # the vehicle has begun another session, or Ctrl-C came
-            return None
-        if problem:
-            self._refusals.add(name, problem)
-            self._node.get_logger().warning(f"{name}: {problem}")
+        message, result = row.request.decode(serialize_message(request)), NOT_SENT
+        try:
+            left = WAIT_S - self._waited(published)
+            result = NOT_ANSWERED
+            answer = self._vehicle.call(message, left)
+            self.answered[name] += 1
+        except (LinkError, ValueError) as error:
+            if self._is_closed.is_set():  # the vehicle has begun another session, or Ctrl-C came
+                return None
+            self._refusals.add(name, error)
+            self._node.get_logger().warning(f"{name}: {error}")
             answer = row.failure(message, result)
         return None if answer is None else deserialize_message(answer.encode(), row.ros.Response)
 
-    def _obstacle(self, waited: float) -> str:
-        """Return why a call is not sent to the vehicle, "" if it is."""
-        if waited >= WAIT_S:
-            return f"a call waited for more than {WAIT_S:g} s, or the clock of its caller is behind: not sent"
-        return "" if self._vehicle.is_connected else "the vehicle is not connected: not sent"
+    def _waited(self, published: int) -> float:
+        """Return the time in s that a call has waited, which its caller published. Raises LinkError if it is not sent.
+
+        rclpy does not tell which caller that was.
+        """
+        if not self._vehicle.is_connected:
+            raise NotConnectedError("the vehicle is not connected: not sent")
+        return self._waiting.since((self._row.service.name, b""), published, round(WAIT_S * 1e9))
 
 
 def _never(_request: Any, response: Any) -> Any:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from msggen.base.diagnostics import suggestion
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, ROVER
+from msggen.sim.parts import checked
 
 
 class Airframe(NamedTuple):
@@ -43,13 +43,6 @@ AIRFRAMES: Mapping[str, Airframe] = MappingProxyType(
 """Those of `msggen sim --vehicle`."""
 
 
-def check_vehicle(name: str) -> None:
-    """Raise ValueError for what is no kind of vehicle."""
-    if name not in AIRFRAMES:
-        raise ValueError(f"no vehicle '{name}'{suggestion(name, AIRFRAMES)}: there are {', '.join(AIRFRAMES)}")
-
-
 def airframe_of(name: str) -> Airframe:
     """Return the airframe of a kind of vehicle. Raises ValueError for another one."""
-    check_vehicle(name)
-    return AIRFRAMES[name]
+    return AIRFRAMES[checked("vehicle", name, AIRFRAMES)]

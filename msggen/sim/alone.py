@@ -13,12 +13,11 @@ from msggen.messages.nav_states import HOLD, OFFBOARD
 from msggen.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY
 from msggen.messages.vehicle_types import ROVER
 from msggen.sim.attitude import Vector
-from msggen.sim.changes import Changes
 from msggen.sim.disturbances import noise_with
 from msggen.sim.faults import TimedFaults
 from msggen.sim.flight import NAN
 from msggen.sim.options import Options
-from msggen.sim.publishing import FlightLog, Publication, Schedule, publication_of
+from msggen.sim.publishing import Changes, FlightLog, Publication, Schedule, publication_of
 from msggen.sim.values import Clocks, Filler, Scene
 from msggen.sim.vehicle import world_of
 from msggen.sim.wings import Wings
@@ -146,10 +145,8 @@ class LoneFlight:
             self._send_setpoints(log, *self._goal)
         self._schedule.hasten(self._changes.take(self.world), self.time)
         scene = Scene(self.world, self._noise, Clocks(remote=self._utc + self.time - BOOT))
-        for publication in self._schedule.take(self.time):
-            message = publication.filler.make(scene, self.time)
-            if message is not None:
-                log.add(publication.topic, message)
+        for publication, message in self._schedule.messages(scene, self.time):
+            log.add(publication.topic, message)
 
     def _send_setpoints(self, log: FlightLog, north: float, east: float) -> None:
         free = (NAN, NAN, NAN)

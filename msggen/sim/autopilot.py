@@ -23,7 +23,7 @@ from msggen.sim.attitude import Vector, added
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import DRAG, GRAVITY, NAN, VELOCITY_GAIN, Flight, Push, Target
 from msggen.sim.parameters import PARAMETERS, microseconds
-from msggen.sim.setpoints import CLIMB, CRUISE, SINK, TURN, Setpoints
+from msggen.sim.setpoints import CLIMB, CRUISE, PUSHES, SINK, TURN, Setpoints
 
 _SPOOL_UP = microseconds("COM_SPOOLUP_TIME")
 _RAMP = microseconds("MPC_TKO_RAMP_T")
@@ -93,24 +93,40 @@ HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
 """The modes that a pilot can fly without a position. The sticks are at rest."""
 
 
-class Autopilot:
-    """Flies the mode of the commander. `setpoints` are those that programs have sent."""
+class Pilot:
+    """What the pilots of all vehicles have. `setpoints` are those that programs have sent."""
 
-    origin = 0.0
+    controls_position = False
+    """Whether position control of a multicopter runs."""
+    is_led = False
+    """Whether it flew a setpoint of a program in the last step."""
+
+    def __init__(self, flight: Flight, setpoints: Setpoints) -> None:
+        self.handlers: Mapping[str, Callable[[Any, int], None]] = {}
+        """Each takes a message that only some vehicles take, and its time. By the names of topics in uORB."""
+        self._flight, self._setpoints = flight, setpoints
+        self._mode, self._since = -1, 0
+
+    def begin_again(self) -> None:
+        """Enter the mode anew, because the local position has another origin."""
+        self._mode = -1
+
+    def rest(self) -> None:
+        """Stop the motors."""
+
+    def lift_off(self, _time: int, _armed: int, _target: Any, *, is_landed: bool) -> float:  # noqa: ARG002 - of rotors
+        """Return the limit of the climb at a time, which keeps the vehicle on the ground until a takeoff."""
+        return math.inf
+
+
+class Autopilot(Pilot):
+    """Flies the mode of the commander, of a multicopter."""
 
     def __init__(self, flight: Flight, setpoints: Setpoints, parameters: Mapping[str, float] = PARAMETERS) -> None:
-        self.handlers: Mapping[str, Callable[[Any, int], None]] = {}
-        """Those of setpoints that only other vehicles take."""
-        self.home: Vector = (0.0, 0.0, 0.0)
-        """Where a return ends."""
-        self.has_position = True
+        super().__init__(flight, setpoints)
         self.lift = Lift()
         self.controls_position = True
-        """Whether position control runs."""
-        self.is_led = False
-        """Whether a setpoint of a program was flown in the last step."""
-        self._flight, self._setpoints, self._parameters = flight, setpoints, parameters
-        self._mode, self._since = -1, 0
+        self._parameters = parameters
         self._hold = Target()
         self._place: Target | None = None
         """Where the next Hold is to be."""
@@ -137,10 +153,6 @@ class Autopilot:
         self._place = Target(position, yaw=yaw, speed=limit, climb=CLIMB, sink=SINK, turn=TURN)
         if self._mode == HOLD:
             self._mode = -1
-
-    def begin_again(self) -> None:
-        """Enter the mode anew, because the local position has another origin."""
-        self._mode = -1
 
     def restart(self, time: int) -> None:
         """Let position control begin at a time: it uses no setpoint from before, and holds the place until the next."""
@@ -170,7 +182,7 @@ class Autopilot:
             self._goal = z - height if math.isnan(self._takeoff_height) else min(z, self._takeoff_height)
             self._takeoff_height = NAN
         elif mode == RETURN:
-            self._goal = min(z, self.home[2] - self._return_height())
+            self._goal = min(z, self._flight.home[2] - self._return_height())
         self._place = None
 
     def _stop(self) -> Target:
@@ -191,7 +203,7 @@ class Autopilot:
         return max(height, 2 * near)
 
     def _distance(self) -> float:
-        return math.hypot(self._flight.position[0] - self.home[0], self._flight.position[1] - self.home[1])
+        return math.dist(self._flight.position[:2], self._flight.home[:2])
 
     def is_done(self, *, is_landed: bool) -> bool:
         """Whether a takeoff, a landing or a return has reached its end."""
@@ -210,7 +222,7 @@ class Autopilot:
             return self._program(time, controls)
         if mode == OFFBOARD:
             return self._led(self._setpoints.offboard(time))
-        if mode == DESCEND or not self.has_position:
+        if mode == DESCEND or not self._flight.has_position:
             return self._blind(keeps_height=mode in HEIGHT)
         return self._interrupted(time, self._own(mode))
 
@@ -219,7 +231,7 @@ class Autopilot:
         self.lift.reset()
 
     def lift_off(self, time: int, armed: int, target: Setpoint | None, *, is_landed: bool) -> float:
-        """Return the limit of the climb at a time, which keeps the vehicle on the ground until a takeoff."""
+        """See Pilot."""
         if target is None:
             self.lift.reset()
             return -math.inf
@@ -236,13 +248,11 @@ class Autopilot:
         if controls_position != self.controls_position:
             self.controls_position, self._since = controls_position, time
         if controls_position:
-            return self._led(self._setpoints.of_position(time, self._since)) if self.has_position else self._blind()
-        if "attitude" in controls:
-            return self._led(self._setpoints.of_attitude(self._since))
-        if "rates" in controls:
-            return self._led(self._setpoints.of_rates(self._since))
-        of = self._setpoints.of_torque if "allocation" in controls else self._setpoints.of_rotors
-        return self._led(of(self._since))
+            has_position = self._flight.has_position
+            return self._led(self._setpoints.of_position(time, self._since)) if has_position else self._blind()
+        if controls.isdisjoint(PUSHES):
+            return self._led(self._setpoints.of_rotors(self._since))
+        return self._led(self._setpoints.push(controls, self._since))
 
     def _led(self, found: Target | Push | None) -> Setpoint:
         """Return the setpoint of a program. Without one, the place and the speed of the last are held, as in PX4."""
@@ -286,7 +296,7 @@ class Autopilot:
         return Target(velocity=(NAN, NAN, _LAND_SPEED), acceleration=drag)
 
     def _return(self) -> Target:
-        home = self.home[:2]
+        home = self._flight.home[:2]
         if self._distance() < _HOME_REACHED:
             return self._down(*home)
         is_low = self._flight.position[2] - self._goal > _HOME_REACHED

@@ -130,10 +130,10 @@ class Order:
             return self.refuse(TEMPORARILY_REJECTED, f"mode {self._parameters[0]:g} is not simulated")
         return self.select(mode)
 
-    def take_off(self) -> int:
+    def take_off(self, mode: int = nav_states.TAKEOFF) -> int:
         """NAV_TAKEOFF: climb to an altitude above mean sea level, or by 2.5 m. The vehicle waits until it is armed."""
         world, altitude = self._world, self._parameters[6]
-        result = self.select(nav_states.TAKEOFF)
+        result = self.select(mode)
         if result == ACCEPTED:
             world.autopilot.climb_to(world.origin.altitude - altitude if math.isfinite(altitude) else math.nan)
         return result
@@ -142,12 +142,7 @@ class Order:
         """NAV_VTOL_TAKEOFF: climb by rotors, and go to forward flight."""
         if not isinstance(self._world.autopilot, VtolPilot):
             return self.refuse(UNSUPPORTED, "the vehicle is no VTOL")
-        altitude = self._parameters[6]
-        result = self.select(nav_states.VTOL_TAKEOFF)
-        if result == ACCEPTED:
-            origin = self._world.origin.altitude
-            self._world.autopilot.climb_to(origin - altitude if math.isfinite(altitude) else math.nan)
-        return result
+        return self.take_off(nav_states.VTOL_TAKEOFF)
 
     def transition(self) -> int:
         """DO_VTOL_TRANSITION, which a VTOL hears and others do not: it has no other answer than that it is heard."""
@@ -157,11 +152,9 @@ class Order:
         to, is_at_once = _TRANSITIONS.get(self._parameters[0], VtolState.HOVER), self._parameters[1] == 1.0
         is_grounded = world.landing.landed or not world.commander.is_armed
         result = pilot.transition(to, world.time, is_at_once=is_at_once, is_grounded=is_grounded)
-        return (
-            result
-            if result == ACCEPTED
-            else self.refuse(result, f"not in {nav_states.MODE_NAMES[world.commander.mode]}")
-        )
+        if result != ACCEPTED:
+            self.refuse(result, f"not in {nav_states.MODE_NAMES[world.commander.mode]}")
+        return result
 
     def reposition(self) -> int:
         """DO_REPOSITION: hold at a place. What is not finite stays as it is."""

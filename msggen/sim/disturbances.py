@@ -1,17 +1,21 @@
-"""What makes flying hard: a drifting estimate of the height, noise, and wind."""
+"""The noise of sensors and estimates, and what makes flying hard: more of it, a drifting height, and wind."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeAlias
 
-from msggen.base.diagnostics import suggestion
 from msggen.sim.flight import Flight
-from msggen.sim.noise import Noise, noise_of
+from msggen.sim.parts import checked
 
+Noise: TypeAlias = Callable[[], float]
+"""Returns the next number of a normal distribution around 0, with a standard deviation of 1."""
+_NUMBERS = 4093
+"""How many numbers there are before they repeat: a prime, so that each sample begins at another one."""
 HEIGHT_DRIFT: Final = "height-drift"
 NOISE: Final = "noise"
 WIND: Final = "wind"
@@ -33,12 +37,10 @@ _GUST, _GUST_TIME = 0.5, 2.0
 """The acceleration by gusts in m/s^2, and how long one lasts, in s."""
 
 
-def check_disturbance(name: str) -> None:
-    """Raise ValueError for what is no disturbance."""
-    if name not in DISTURBANCES:
-        raise ValueError(
-            f"no disturbance '{name}'{suggestion(name, DISTURBANCES)}: there are {', '.join(DISTURBANCES)}"
-        )
+def noise_of(seed: int, key: int, size: float = 1.0) -> Noise:
+    """Return the noise of a vehicle, always the same for a seed and a key. `size` is the standard deviation."""
+    chance = random.Random(f"noise {seed} {key}")  # noqa: S311 - not for secrets
+    return itertools.cycle([chance.gauss(0.0, size) for _ in range(_NUMBERS)]).__next__
 
 
 def noise_with(disturbances: Collection[str], seed: int, key: int) -> Noise:
@@ -52,7 +54,7 @@ class Disturbances:
     def __init__(self, names: Collection[str] = (), seed: int = 0, key: int = 1) -> None:
         """Take names of `DISTURBANCES`. Raises ValueError for another one."""
         for name in names:
-            check_disturbance(name)
+            checked("disturbance", name, DISTURBANCES)
         drift = random.Random(f"drift {seed} {key}").choice((-_DRIFT, _DRIFT))  # noqa: S311 - not for secrets
         self._drift = drift if HEIGHT_DRIFT in names else 0.0
         self._gusts = noise_of(seed, -key) if WIND in names else None

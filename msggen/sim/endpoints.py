@@ -32,8 +32,6 @@ class Endpoints(NamedTuple):
     publications: Sequence[Publication]
     inputs: Mapping[int, Input]
     """By the numbers of their objects in the session."""
-    settings: Settings
-    """Those of the client."""
     new_client: Callable[[], Client]
     """Makes the client of a session."""
 
@@ -58,7 +56,7 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
             )
     servers = _servers(getattr(package, "srv", None), namespace)
     settings = Settings(readers, writers, servers, key=options.key, namespace=options.namespace, sync=options.sync)
-    return Endpoints(publications, inputs, settings, lambda: Client(settings))
+    return Endpoints(publications, inputs, lambda: Client(settings))
 
 
 def object_ids_of(topics: Any, *, has_all: bool = False) -> tuple[int, ...]:

@@ -32,56 +32,35 @@ class Fault(NamedTuple):
     """Lets it happen to the world, and returns a line for people. None for what happens to the client."""
 
 
-def _lose_position(world: World) -> str:
-    world.has_position = world.has_gps = False
-    return "the position is lost"
+def _set(text: str, **values: bool) -> Callable[[World], str]:
+    """Return what sets attributes of the world."""
+
+    def change(world: World) -> str:
+        vars(world).update(values)
+        return text
+
+    return change
 
 
-def _find_position(world: World) -> str:
-    world.has_position = world.has_gps = True
-    return "the position is there again"
+def _wear(text: str, resistance: float) -> Callable[[World], str]:
+    """Return what sets the resistance of the battery."""
+
+    def change(world: World) -> str:
+        world.battery.resistance = resistance
+        return text
+
+    return change
 
 
-def _lose_gps(world: World) -> str:
-    world.has_gps = False
-    return "GPS is lost"
+def _sticks(text: str, *, are_there: bool) -> Callable[[World], str]:
+    """Return what connects or disconnects the pilot's sticks, which the commander sees at once."""
 
+    def change(world: World) -> str:
+        world.has_sticks = are_there
+        world.commander.senses = world.senses
+        return text
 
-def _find_gps(world: World) -> str:
-    world.has_gps = True
-    return "GPS is there again"
-
-
-def _disturb_compass(world: World) -> str:
-    world.is_compass_disturbed = True
-    return "the magnetic field is disturbed"
-
-
-def _calm_compass(world: World) -> str:
-    world.is_compass_disturbed = False
-    return "the magnetic field is calm again"
-
-
-def _weaken_battery(world: World) -> str:
-    world.battery.resistance = WORN
-    return "the battery is worn out"
-
-
-def _replace_battery(world: World) -> str:
-    world.battery.resistance = NEW
-    return "the battery is as new again"
-
-
-def _connect_sticks(world: World) -> str:
-    world.has_sticks = True
-    world.commander.senses = world.senses
-    return "the pilot's sticks are there"
-
-
-def _lose_sticks(world: World) -> str:
-    world.has_sticks = False
-    world.commander.senses = world.senses
-    return "the pilot's sticks are gone"
+    return change
 
 
 def _battery(text: str) -> Callable[[World], str]:
@@ -115,16 +94,16 @@ def choose(world: World, mode: int, name: str) -> str:
 
 
 _PLAIN: Mapping[str, Callable[[World], str] | None] = {
-    "no-position": _lose_position,
-    "position": _find_position,
-    "no-gps": _lose_gps,
-    "gps": _find_gps,
-    "disturbed-compass": _disturb_compass,
-    "compass": _calm_compass,
-    "weak-battery": _weaken_battery,
-    "new-battery": _replace_battery,
-    "sticks": _connect_sticks,
-    "no-sticks": _lose_sticks,
+    "no-position": _set("the position is lost", has_position=False, has_gps=False),
+    "position": _set("the position is there again", has_position=True, has_gps=True),
+    "no-gps": _set("GPS is lost", has_gps=False),
+    "gps": _set("GPS is there again", has_gps=True),
+    "disturbed-compass": _set("the magnetic field is disturbed", is_compass_disturbed=True),
+    "compass": _set("the magnetic field is calm again", is_compass_disturbed=False),
+    "weak-battery": _wear("the battery is worn out", WORN),
+    "new-battery": _wear("the battery is as new again", NEW),
+    "sticks": _sticks("the pilot's sticks are there", are_there=True),
+    "no-sticks": _sticks("the pilot's sticks are gone", are_there=False),
     NO_LINK: None,
     LINK: None,
     RESTART: None,

@@ -81,7 +81,7 @@ class Push(NamedTuple):
 
 
 class Flight:
-    """The state of motion."""
+    """The state of motion, and the places that it refers to."""
 
     def __init__(self) -> None:
         self.position: Vector = ZERO
@@ -96,6 +96,12 @@ class Flight:
         """Whether the vehicle stands on the ground, and whether its setpoint asks it to go further down, or nowhere."""
         self.ground = 0.0
         """The down position of the ground."""
+        self.home: Vector = ZERO
+        """Where a return ends."""
+        self.origin = 0.0
+        """The altitude of the origin, above mean sea level."""
+        self.has_position = True
+        """Whether the vehicle knows its position."""
         self.gust = (0.0, 0.0)
         """The acceleration by wind, north and east, in m/s^2."""
         self._drag: Vector = ZERO

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 from msggen.messages.vehicle_types import FIXED_WING, ROVER
 from msggen.sim.airframes import Airframe
@@ -22,28 +22,22 @@ Pilot: TypeAlias = Autopilot | WingPilot | VtolPilot | RoverPilot
 Landing: TypeAlias = LandDetector | PlaneLandDetector | RoverLandDetector
 
 
-class Model(NamedTuple):
-    """What moves a vehicle."""
-
-    flight: Flight
-    pilot: Pilot
-    landing: Landing
-
-
-def model_of(airframe: Airframe, setpoints: Setpoints, parameters: Mapping[str, float], rules: Rules) -> Model:
-    """Return the model of an airframe, at rest on the ground."""
+def model_of(
+    airframe: Airframe, setpoints: Setpoints, parameters: Mapping[str, float], rules: Rules
+) -> tuple[Flight, Pilot, Landing]:
+    """Return what moves an airframe, at rest on the ground."""
     if airframe.vehicle_type == ROVER:
         turns = airframe.turns_in_place
         wheels = Wheels(turns_in_place=turns)
         driver = RoverPilot(wheels, setpoints, turns_in_place=turns)
-        return Model(wheels, driver, RoverLandDetector(driver))
+        return wheels, driver, RoverLandDetector(driver)
     if airframe.is_vtol:
         body = Wings(parameters, is_tailsitter=airframe.is_tailsitter)
         vtol = VtolPilot(body, setpoints, parameters, pushes_in_modes=rules.pushes_in_modes)
-        return Model(body, vtol, VtolLandDetector(body, vtol))
+        return body, vtol, VtolLandDetector(body, vtol)
     if airframe.vehicle_type == FIXED_WING:
         wings = Wings(parameters)
-        return Model(wings, WingPilot(wings, setpoints, parameters), PlaneLandDetector(wings))
+        return wings, WingPilot(wings, setpoints, parameters), PlaneLandDetector(wings)
     flight = Flight()
     autopilot = Autopilot(flight, setpoints, parameters)
-    return Model(flight, autopilot, LandDetector(flight, autopilot))
+    return flight, autopilot, LandDetector(flight, autopilot)

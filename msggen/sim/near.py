@@ -12,12 +12,10 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from msggen.sim.changes import Changes
 from msggen.sim.disturbances import noise_with
 from msggen.sim.options import Options
 from msggen.sim.programs import Programs
-from msggen.sim.publishing import FlightLog, Schedule, localize, publication_of
-from msggen.sim.requests import Requests
+from msggen.sim.publishing import Changes, FlightLog, Schedule, localize, publication_of
 from msggen.sim.values import Clocks, Filler, Scene
 from msggen.sim.vehicle import restarted, world_of
 from msggen.sim.world import STEP
@@ -71,7 +69,7 @@ class NearVehicle:
         self._publish_due()
 
     def _publish_due(self) -> None:
-        if not self._schedule.is_due(self.time):
+        if self._schedule.next_time > self.time:
             return
         scene = Scene(self.world, self._noise, Clocks())
         for publication in self._schedule.take(self.time):
@@ -122,16 +120,14 @@ class NearVehicle:
 
     def _start(self) -> None:
         """Let the vehicle take messages."""
-        self._programs = Programs(self.world, self._publish)
-        requests = Requests(self.world, self._publish, self._tell, {})
-        self._handlers = {**self._programs.handlers, **requests.handlers, **self.world.external.handlers}
+        self._programs = Programs(self.world, self._publish, self._tell, {})
 
     def _receive(self, topic: str, message: Any) -> None:
         localize(message, self.time)
         if self._log is not None:
             self._log.add(topic, message)
-        if topic in self._handlers:
-            self._handlers[topic](message, message.timestamp)
+        if topic in self._programs.handlers:
+            self._programs.handlers[topic](message, message.timestamp)
 
     def _tell(self, text: str) -> None:
         if self._log is not None:

@@ -10,7 +10,8 @@ from msggen.link.xrce.client_entities import Sync
 from msggen.sim.airframes import airframe_of
 from msggen.sim.line import Misbehaviour
 from msggen.sim.parameters import PARAMETERS
-from msggen.sim.world import Home
+from msggen.sim.parts import PARTS, checked
+from msggen.sim.places import Home
 
 Board: TypeAlias = Literal["most", "sitl"]
 """The board that the firmware is built for: most boards, or px4_sitl, which has all messages of the release."""
@@ -55,5 +56,5 @@ class Options(NamedTuple):
 
     @property
     def equipment(self) -> frozenset[str]:
-        """All parts of the vehicle. Raises ValueError for an unknown kind of vehicle."""
-        return frozenset((*airframe_of(self.vehicle).parts, *self.parts))
+        """All parts of the vehicle. Raises ValueError for an unknown kind of vehicle, and for what is no part."""
+        return frozenset((*airframe_of(self.vehicle).parts, *(checked("part", each, PARTS) for each in self.parts)))

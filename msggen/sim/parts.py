@@ -25,14 +25,13 @@ PARTS: Mapping[str, frozenset[str]] = MappingProxyType(
 """The topics that only a vehicle with a part publishes, by the name of the part."""
 
 
-def check_part(name: str) -> None:
-    """Raise ValueError for what is no part."""
-    if name not in PARTS:
-        raise ValueError(f"no part '{name}'{suggestion(name, PARTS)}: there are {', '.join(PARTS)}")
+def checked(what: str, name: str, known: Collection[str]) -> str:
+    """Return a name that is known. Raises ValueError for another one, and says what it was to name."""
+    if name not in known:
+        raise ValueError(f"no {what} '{name}'{suggestion(name, known)}: there are {', '.join(known)}")
+    return name
 
 
 def missing(parts: Collection[str]) -> frozenset[str]:
-    """Return the topics that a vehicle with some parts does not have. Raises ValueError for what is no part."""
-    for name in parts:
-        check_part(name)
+    """Return the topics that a vehicle with some parts does not have."""
     return frozenset().union(*(topics for name, topics in PARTS.items() if name not in parts))

@@ -1,4 +1,4 @@
-"""What the programs of flight modes send to a simulated vehicle, and what it answers."""
+"""What programs send to a simulated vehicle: of flight modes, commands, and questions about formats."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol
 
-from msggen.messages.commands import OF_EXECUTOR
+from msggen.messages.commands import EXECUTOR, OF_EXECUTOR, RESULTS, TEMPORARILY_REJECTED
 from msggen.messages.nav_states import EXTERNAL
 from msggen.sim.commander.checks import Reply
 from msggen.sim.commander.commander import LOOP
@@ -44,12 +44,16 @@ def rules_of(uorb: Mapping[str, Any], *, has_versions: bool, is_sitl: bool) -> R
 class Programs:
     """Takes messages of programs, and publishes the answers. `handlers` are by the names of topics in uORB.
 
+    It carries out commands, and answers questions about the formats of messages.
+
     As in PX4, messages to the commander wait for its next loop, in topics that hold a few: a further one replaces the
     oldest.
     """
 
-    def __init__(self, world: World, publish: Publish) -> None:
+    def __init__(self, world: World, publish: Publish, tell: Callable[[str], None], hashes: Mapping[str, int]) -> None:
+        """Take the hash of the message of each topic, by its name in uORB. `tell` takes lines for people."""
         self._world, self._commander, self._publish = world, world.commander, publish
+        self._tell, self._hashes = tell, hashes
         self._loop_time = 0
         self._read: Mapping[str, Callable[[Any, int], None]] = {
             "arming_check_reply": self._take_reply,
@@ -62,10 +66,14 @@ class Programs:
         """What the commander reads in a loop, in this order."""
         self._queues: dict[str, deque[tuple[Any, int]]] = {}
         self._is_waiting = False
-        self.handlers: Mapping[str, Callable[[Any, int], None]] = {
+        self.handlers: Mapping[str, Callable[[Any, int], object]] = {
             **{topic: self._queue(topic) for topic in self._read},
             **world.setpoints.handlers,
             **world.autopilot.handlers,
+            **world.external.handlers,
+            "message_format_request": self._answer_format_request,
+            "vehicle_command": self._take_command,
+            "vehicle_command_mode_executor": self._take_executor_command,
             "mode_completed": self._take_completed,
         }
         """Each takes a message and its time in us since boot."""
@@ -138,7 +146,7 @@ class Programs:
         names = (field.name for field in message.__msg__.fields if field.name.startswith(_REQUIREMENT))
         requirements = frozenset(name.removeprefix(_REQUIREMENT) for name in names if getattr(message, name))
         reply = Reply(message.request_id, message.registration_id, message.can_arm_and_run, requirements)
-        self._commander.reply(reply, time, self._world.time)
+        self._commander.checks.take(reply, time, self._world.time)
 
     def _take_setpoint_config(self, message: Any, _: int) -> None:
         mode, kind = message.source_id, message.type
@@ -162,6 +170,57 @@ class Programs:
         """Publish it again, as the bridge does: both directions are one topic in uORB."""
         self._publish("mode_completed", result=message.result, nav_state=message.nav_state)
 
+    # Commands and formats
+
+    def carry_out(self, command: Any, *, is_refused: bool = False) -> dict[str, int]:
+        """Carry out a command and publish its acknowledgement. Return its values, none for that of another vehicle."""
+        if command.target_system not in (0, self._world.system_id):
+            return {}
+        numbers = [getattr(command, f"param{number}") for number in range(1, 8)]
+        if is_refused:
+            self._world.reason = f"component {command.source_component} is no executor in charge"
+            result = TEMPORARILY_REJECTED
+        else:
+            result = self._world.command(command.command, numbers, command.source_component)
+        reason = f": {self._world.reason}" if self._world.reason else ""
+        self._tell(f"{_command_name(command)} {RESULTS[result]}{reason}")
+        values = {
+            "command": command.command,
+            "result": result,
+            "target_system": command.source_system,
+            "target_component": command.source_component,
+        }
+        self._publish("vehicle_command_ack", **values)
+        return values
+
+    def _take_command(self, command: Any, _: int) -> None:
+        self.carry_out(command)
+
+    def _take_executor_command(self, command: Any, _: int) -> None:
+        """Take a command on the topic of executors, where only the one in charge is heard."""
+        is_in_charge = command.source_component == EXECUTOR + self._world.commander.executor_in_charge
+        self.carry_out(command, is_refused=not is_in_charge)
+
+    def _answer_format_request(self, request: Any, _time: int) -> None:
+        """Tell the hash of a topic's message. PX4 looks up what follows the last `/`, without a version suffix."""
+        latest = type(request).LATEST_PROTOCOL_VERSION
+        _, slash, name = _text(request.topic_name).rpartition("/")
+        found = bool(slash) and name in self._hashes and request.protocol_version == latest
+        self._publish(
+            "message_format_response",
+            protocol_version=latest,
+            topic_name=bytes(request.topic_name),
+            success=found,
+            message_hash=self._hashes[name] if found else 0,
+        )
+
 
 def _text(name: Any) -> str:
     return bytes(name).partition(b"\0")[0].decode(errors="replace")
+
+
+def _command_name(command: Any) -> str:
+    """Return the name of a VehicleCommand's command, such as DO_SET_MODE, or its number."""
+    names = (name for name, value in vars(type(command)).items() if value == command.command)
+    found = (name.removeprefix("VEHICLE_CMD_") for name in names if name.startswith("VEHICLE_CMD_"))
+    return next(found, f"command {command.command}")

@@ -8,7 +8,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from msggen.sim.parts import missing
-from msggen.sim.values import Filler, Values
+from msggen.sim.values import Filler, Scene, Values
+from msggen.sim.world import World
 
 _DEFAULT_INTERVAL = 4_000
 """The interval in us of a topic without a limit."""
@@ -47,6 +48,20 @@ ANSWERS = {
 }
 """The topics that PX4 publishes as answers or when something happens, not at a rate."""
 
+_CHANGING = (
+    "vehicle_status",
+    "vehicle_control_mode",
+    "failsafe_flags",
+    "vehicle_land_detected",
+    "estimator_status_flags",
+    "home_position",
+    "position_setpoint_triplet",
+    "manual_control_setpoint",
+    "vtol_vehicle_status",
+)
+"""The topics that PX4 publishes because something has changed, beside those that it publishes at a rate."""
+_FLAGS = 14
+"""The number of `Senses` that FailsafeFlags tells."""
 _SPREAD = 200
 """The time in us between the first samples of two topics, so that they do not all come at once."""
 
@@ -79,11 +94,6 @@ class Publication(NamedTuple):
     """Whether the vehicle does not have the part that publishes it."""
 
     @property
-    def is_answer(self) -> bool:
-        """Whether it is published when something happens, not at a rate."""
-        return self.topic in ANSWERS
-
-    @property
     def is_rare(self) -> bool:
         """Whether a program that joins would have to wait for it."""
         return self.interval is None or self.interval > _RARE
@@ -94,7 +104,7 @@ def publication_of(
 ) -> Publication:
     """Return the publication of an endpoint of a generated package, by a vehicle with some parts.
 
-    It is published at `rate` Hz, as if all parts were there, or at its own rate. Raises ValueError for what is no part.
+    It is published at `rate` Hz, as if all parts were there, or at its own rate.
     """
     topic, filler, is_missing = endpoint.uorb_topic, Filler(endpoint.message), endpoint.uorb_topic in missing(parts)
     if rate:
@@ -110,19 +120,15 @@ class Schedule:
     """When topics are published at their rates, from a time in us on."""
 
     def __init__(self, publications: Sequence[Publication], start: int) -> None:
-        self._publications = tuple(each for each in publications if not each.is_answer and not each.is_silent)
+        self._publications = tuple(each for each in publications if each.topic not in ANSWERS and not each.is_silent)
         self._due = [(start + index * _SPREAD, index) for index in range(len(self._publications))]
         self._earliest = [time for time, _ in self._due]
         """When each can be published next if it changes. As in uORB, a pause that was not used counts once."""
 
     @property
-    def next_time(self) -> int | None:
-        """The time of the next sample, None without topics."""
-        return self._due[0][0] if self._due else None
-
-    def is_due(self, now: int) -> bool:
-        """Whether a topic is due."""
-        return bool(self._due) and self._due[0][0] <= now
+    def next_time(self) -> int:
+        """The time of the next sample."""
+        return self._due[0][0] if self._due else _NEVER
 
     def hasten(self, topics: Iterable[str], now: int) -> None:
         """Bring the next samples of topics forward, because something of them has changed."""
@@ -143,6 +149,53 @@ class Schedule:
             self._earliest[index] = min(max(self._earliest[index], now - publication.pause), now) + publication.pause
             following = _NEVER if interval is None else time + interval if time + interval > now else now + interval
             heapq.heapreplace(due, (following, index))
+
+    def messages(self, scene: Scene, now: int) -> Iterator[tuple[Publication, Any]]:
+        """Yield the topics that are due, each with its message, if there is something to tell."""
+        for publication in self.take(now):
+            message = publication.filler.make(scene, now)
+            if message is not None:
+                yield publication, message
+
+
+class Changes:
+    """Compares a world with what it was at the last look."""
+
+    def __init__(self) -> None:
+        self._states: Sequence[object] = (None,) * len(_CHANGING)
+
+    def take(self, world: World) -> Iterator[str]:
+        """Yield the topics whose state has changed, named as in uORB."""
+        before, after = self._states, _states_of(world)
+        if before != after:
+            self._states = after
+            yield from (topic for topic, old, new in zip(_CHANGING, before, after, strict=True) if old != new)
+
+
+def _states_of(world: World) -> Sequence[object]:
+    """Return what PX4 publishes each of the topics for, when it changes."""
+    commander, landing, external = world.commander, world.landing, world.external
+    failsafe = commander.failsafe
+    state = world.vtol_state
+    mode, is_armed, landed = commander.mode, commander.is_armed, landing.landed
+    return (
+        (
+            *(is_armed, mode, commander.intention, commander.executor_in_charge),
+            *(failsafe.is_active, failsafe.defer_state, commander.is_ready, commander.vtol_state),
+        ),
+        (is_armed, mode, commander.controls, commander.vehicle_type),
+        (commander.senses[:_FLAGS], commander.requirements.masks),
+        (landing.ground_contact, landing.maybe_landed, landed, is_armed),
+        (
+            *(landed, is_armed, world.has_position, state, commander.vehicle_type, world.uses_range),
+            world.is_compass_disturbed,
+            *(external.fused, external.is_aided, external.is_yaw_aligned, external.rejects_yaw),
+        ),
+        (world.has_home, world.home_changes, world.origin),
+        (mode, landed),
+        world.has_sticks,
+        (state, world.wings_failed),
+    )
 
 
 class Answer(NamedTuple):

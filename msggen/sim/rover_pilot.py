@@ -6,13 +6,13 @@ Times are in us, places in m in NED, angles in rad.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import ROVER as ROVER_KINDS
 from msggen.messages.setpoints import ROVER_THROTTLE
 from msggen.sim.attitude import Vector, added
+from msggen.sim.autopilot import Pilot
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Flight, wrapped
 from msggen.sim.parameters import PARAMETERS
@@ -31,19 +31,12 @@ _NEAR = 0.5
 """The distance in m within which a place is reached: NAV_ACC_RAD of a rover."""
 
 
-class RoverPilot:
+class RoverPilot(Pilot):
     """Drives the mode of the commander. As in PX4, setpoints are used until the controls change."""
 
-    controls_position = is_led = False
-    origin = 0.0
-
     def __init__(self, flight: Flight, setpoints: Setpoints, *, turns_in_place: bool) -> None:
-        self.home: Vector = (0.0, 0.0, 0.0)
-        """Where a return ends."""
-        self.has_position = True
-        self._flight, self._setpoints = flight, setpoints
+        super().__init__(flight, setpoints)
         self._turns_in_place = turns_in_place
-        self._mode, self._since = -1, 0
         self._controls: Controls = frozenset()
         self._place: Vector | None = None
         """The place to drive to."""
@@ -62,8 +55,7 @@ class RoverPilot:
             lambda each, _: self._write(steering=each.normalized_steering_setpoint),
             lambda each, _: self._write(throttle=each.throttle_body_x),
         )
-        self.handlers: Mapping[str, Callable[[Any, int], None]] = dict(zip(topics, takers, strict=True))
-        """By the names of topics in uORB. Each takes a message and its time."""
+        self.handlers = dict(zip(topics, takers, strict=True))
 
     def _take_position(self, message: Any, _: int) -> None:
         north, east = message.position_ned
@@ -91,10 +83,6 @@ class RoverPilot:
         """Move the place that is held with the estimate of the position."""
         self._held = added(self._held, move)
 
-    def begin_again(self) -> None:
-        """Enter the mode anew, because the local position has another origin."""
-        self._mode = -1
-
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
         if mode != self._mode:
@@ -110,15 +98,11 @@ class RoverPilot:
     @property
     def is_home(self) -> bool:
         """Whether a return has arrived."""
-        return self._mode == RETURN and self._distance(self.home) < _NEAR
+        return self._mode == RETURN and self._distance(self._flight.home) < _NEAR
 
     def rest(self) -> None:
         """Stop the motors, and forget the setpoints."""
         self._drive, self._place = Drive(), None
-
-    def lift_off(self, _time: int, _armed: int, _target: Drive | None, *, is_landed: bool) -> float:  # noqa: ARG002 - as of others
-        """Return no limit of the climb."""
-        return math.inf
 
     def target(self, time: int, controls: Controls = ALL) -> Drive | None:
         """Return the setpoint at a time. `controls` are those of the mode of a program. None: the motors are off."""
@@ -133,12 +117,12 @@ class RoverPilot:
             self.rest()
         if mode in EXTERNAL:
             return self._stored() if controls else self._by_actuators()
-        if not self.has_position:
+        if not self._flight.has_position:
             return _STOP
         if mode == OFFBOARD:
             found = self._setpoints.offboard(time)
             return _STOP if found is None else self._led(found.position, found.velocity)
-        return self._to(self.home if mode == RETURN else self._held, _SPEED, 0.0)
+        return self._to(self._flight.home if mode == RETURN else self._held, _SPEED, 0.0)
 
     def _stored(self) -> Drive:
         """Return what programs have set. A position sets speed and yaw."""
@@ -163,8 +147,7 @@ class RoverPilot:
         return Drive(speed=math.hypot(north, east), yaw=math.atan2(east, north))
 
     def _distance(self, place: Vector) -> float:
-        x, y, _ = self._flight.position
-        return math.hypot(place[0] - x, place[1] - y)
+        return math.dist(place[:2], self._flight.position[:2])
 
     def _to(self, place: Vector, cruise: float, arrival: float) -> Drive:
         """Return the setpoint that leads to a place, and stops there."""

@@ -17,6 +17,7 @@ from msggen.messages.setpoints import (
     TRAJECTORY,
 )
 from msggen.sim.attitude import Vector
+from msggen.sim.commander.setpoint_types import Controls
 from msggen.sim.flight import FREE, NAN, ZERO, Push, Target
 from msggen.sim.parameters import PARAMETERS, microseconds
 
@@ -33,6 +34,10 @@ CRUISE = PARAMETERS["MPC_XY_CRUISE"]
 CLIMB, SINK = PARAMETERS["MPC_Z_V_AUTO_UP"], PARAMETERS["MPC_Z_V_AUTO_DN"]
 TURN = math.radians(PARAMETERS["MPC_YAWRAUTO_MAX"])
 """The limits of PX4's own modes and of GotoSetpoints, in m/s and rad/s."""
+
+
+PUSHES = ("attitude", "rates", "allocation")
+"""What is controlled by setpoints that turn the vehicle. The first one leads."""
 
 
 class _Timed(NamedTuple):
@@ -54,10 +59,9 @@ class Setpoints:
         self._valid: _Timed | None = None
         self._invalid_since: int | None = None
         self._goto: _Timed | None = None
-        self._attitude: tuple[int, Push] | None = None
-        self._rates: tuple[int, Push] | None = None
+        self._pushes: dict[str, tuple[int, Push]] = {}
+        """Those of each of `PUSHES`, with their times."""
         self._thrust = ZERO
-        self._torque: tuple[int, Push] | None = None
         self._motors: tuple[int, Sequence[float]] | None = None
         self._servos: Sequence[float] = ()
         self.handlers: Mapping[str, Callable[[Any, int], None]] = {
@@ -143,13 +147,13 @@ class Setpoints:
         thrust = message.thrust_body[2]
         if size > 0 and math.isfinite(size) and math.isfinite(thrust):
             attitude = w / size, x / size, y / size, z / size
-            self._attitude = time, Push(_in_hover(thrust), attitude, forward=_forward(message))
+            self._pushes["attitude"] = time, Push(_in_hover(thrust), attitude, forward=_forward(message))
 
     def take_rates(self, message: Any, time: int) -> None:
         """Take a VehicleRatesSetpoint with its time. One that is not finite is ignored."""
         rates, thrust = (message.roll, message.pitch, message.yaw), message.thrust_body[2]
         if all(map(math.isfinite, (*rates, thrust))):
-            self._rates = time, Push(_in_hover(thrust), rates=rates, forward=_forward(message))
+            self._pushes["rates"] = time, Push(_in_hover(thrust), rates=rates, forward=_forward(message))
 
     def take_thrust(self, message: Any, _: int) -> None:
         """Take a VehicleThrustSetpoint. It counts from the next torque on, as in PX4's allocator."""
@@ -159,7 +163,7 @@ class Setpoints:
         """Take a VehicleTorqueSetpoint with its time."""
         roll, pitch, yaw = (_TORQUE * each for each in _shares(message.xyz))
         thrust, forward = _in_hover(self._thrust[2]), max(0.0, self._thrust[0])
-        self._torque = time, Push(thrust, rates=(roll, pitch, yaw), forward=forward)
+        self._pushes["allocation"] = time, Push(thrust, rates=(roll, pitch, yaw), forward=forward)
 
     def take_motors(self, message: Any, time: int) -> None:
         """Take an ActuatorMotors with its time. NaN stops a motor."""
@@ -169,9 +173,10 @@ class Setpoints:
         """Take an ActuatorServos."""
         self._servos = _shares(message.control)
 
-    def of_torque(self, since: int) -> Push | None:
-        """Return the last thrust and torque, which is used for ever, or None without one since a time."""
-        return self._torque[1] if self._torque is not None and self._torque[0] >= since else None
+    def push(self, controls: Controls, since: int) -> Push | None:
+        """Return the last setpoint of what is controlled, which is used for ever, or None without one since a time."""
+        found = self._pushes.get(next(each for each in PUSHES if each in controls))
+        return found[1] if found is not None and found[0] >= since else None
 
     def actuators(self, since: int) -> tuple[Sequence[float], Sequence[float]] | None:
         """Return the last motors and servos, which are used for ever, or None without motors since a time."""
@@ -206,14 +211,6 @@ class Setpoints:
         valid = self._valid
         is_bridged = valid is not None and valid.time >= since and time - self._invalid_since < _BRIDGE
         return valid.target if valid is not None and is_bridged else _STOP
-
-    def of_attitude(self, since: int) -> Push | None:
-        """Return the last attitude, which is used for ever, or None without one since a time."""
-        return self._attitude[1] if self._attitude is not None and self._attitude[0] >= since else None
-
-    def of_rates(self, since: int) -> Push | None:
-        """Return the last rates, which are used for ever, or None without some since a time."""
-        return self._rates[1] if self._rates is not None and self._rates[0] >= since else None
 
 
 def _is_valid(*vectors: Vector) -> bool:

@@ -20,24 +20,26 @@ from msggen.messages.nav_states import (
     LAND,
     MANUAL,
     OFFBOARD,
+    POSITION,
     RETURN,
     STABILIZED,
     TAKEOFF,
     TERMINATION,
 )
+from msggen.messages.refusals import REQUIREMENTS
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, VtolState
 from msggen.sim.battery import Battery
 from msggen.sim.commander.setpoint_types import ALL, Controls
-from msggen.sim.commander.states import PILOTED
+from msggen.sim.disturbances import Noise
 from msggen.sim.external import EPV, EVH, EVV, HEADING_VARIANCE
 from msggen.sim.flight import NAN, Target, wrapped
-from msggen.sim.noise import Noise
 from msggen.sim.parts import POWER_MODULE
 from msggen.sim.wings import Wings
 from msggen.sim.world import World
 
 Values: TypeAlias = Mapping[str, Any]
 
+_PILOTED = {MANUAL, ALTITUDE, POSITION, STABILIZED}
 _AUTOMATIC = {HOLD, RETURN, TAKEOFF, LAND, DESCEND}
 _VALID_MODES = 0x7FFEE5FF
 """The modes that PX4 v1.18 has on a multicopter, with those of programs, as bits."""
@@ -146,7 +148,7 @@ def _vehicle_status(scene: Scene) -> Values:
         "executor_in_charge": commander.executor_in_charge,
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
         "valid_nav_states_mask": _VALID_MODES,
-        "can_set_nav_states_mask": commander.selectable,
+        "can_set_nav_states_mask": commander.components.selectable,
         "vehicle_type": commander.vehicle_type,
         "is_vtol": airframe.is_vtol,
         "is_vtol_tailsitter": airframe.is_tailsitter,
@@ -388,7 +390,7 @@ def _vehicle_control_mode(scene: Scene) -> Values:
         "flag_multicopter_position_control_enabled": (
             commander.vehicle_type == ROTARY_WING and not controls.isdisjoint({"velocity", "climb_rate"})
         ),
-        "flag_control_manual_enabled": mode in PILOTED,
+        "flag_control_manual_enabled": mode in _PILOTED,
         "flag_control_auto_enabled": mode in _AUTOMATIC,
         "flag_control_offboard_enabled": mode == OFFBOARD,
         **{f"flag_control_{name}_enabled": True for name in controls},
@@ -400,18 +402,8 @@ def _failsafe_flags(scene: Scene) -> Values:
     senses = commander.senses
     return {
         **{f"mode_req_{name}": mask for name, mask in commander.requirements.masks.items()},
-        "angular_velocity_invalid": not senses.angular_velocity,
-        "attitude_invalid": not senses.attitude,
-        "local_altitude_invalid": not senses.local_alt,
-        "local_position_invalid": not senses.local_position,
-        "local_position_invalid_relaxed": not senses.local_position_relaxed,
+        **{flag: not getattr(senses, name) for name, (flag, _) in REQUIREMENTS.items()},
         "local_velocity_invalid": not senses.local_position,
-        "global_position_invalid": not senses.global_position,
-        "global_position_invalid_relaxed": not senses.global_position_relaxed,
-        "home_position_invalid": not senses.home_position,
-        "auto_mission_missing": not senses.mission,
-        "offboard_control_signal_lost": not senses.offboard_signal,
-        "manual_control_signal_lost": not senses.manual_control,
         "gcs_connection_lost": not senses.ground_station,
         "battery_warning": senses.battery,
         "fd_critical_failure": senses.has_fallen,

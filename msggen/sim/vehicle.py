@@ -21,16 +21,13 @@ from msggen.link.xrce.client_events import Connected, Received, Requested
 from msggen.link.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
 from msggen.sim import faults
 from msggen.sim.airframes import airframe_of
-from msggen.sim.changes import Changes
 from msggen.sim.disturbances import Disturbances, noise_with
 from msggen.sim.endpoints import endpoints_of
 from msggen.sim.line import Line
 from msggen.sim.options import Options
 from msggen.sim.parameters import check_settable
-from msggen.sim.parts import check_part
 from msggen.sim.programs import Programs, rules_of
-from msggen.sim.publishing import Answer, Answers, FlightLog, Publication, Schedule, localize
-from msggen.sim.requests import Requests
+from msggen.sim.publishing import Answer, Answers, Changes, FlightLog, Publication, Schedule, localize
 from msggen.sim.values import Clocks, Scene
 from msggen.sim.world import World
 from msggen.sim.zenoh import zenoh_endpoints_of
@@ -67,7 +64,6 @@ class SimulatedVehicle:
         self.changes: deque[Change] = deque(maxlen=_EVENTS)
         """What happened and was not yet taken."""
         self._package = package
-        self._services = getattr(package, "srv", None)
         self._endpoints = (zenoh_endpoints_of if options.is_on_zenoh else endpoints_of)(package, options)
         self._by_topic = {each.topic: each for each in self._endpoints.publications}
         self._now = 0
@@ -93,13 +89,7 @@ class SimulatedVehicle:
 
     def _enter_world(self) -> None:
         """Connect the messages with the world."""
-        self._programs = Programs(self.world, self._answer)
-        self._requests = Requests(self.world, self._answer, self._tell, self._hashes())
-        self._handlers = {
-            **self._programs.handlers,
-            **self._requests.handlers,
-            **self.world.external.handlers,
-        }
+        self._programs = Programs(self.world, self._answer, self._tell, self._hashes())
         self._shown = (False, self.world.mode, False)
         self._changes = Changes()
 
@@ -134,11 +124,11 @@ class SimulatedVehicle:
         if self._faults:
             return self._now
         found = self._client.next_time
-        due, loop, fault = self._schedule.next_time, self._programs.next_time, self._timed.next_time
-        if due is not None and self._client.is_ready:
-            found = min(found, max(due, self._loop_time + _POLL))
-        if loop is not None and loop < found:
-            found = loop
+        loop, fault = self._programs.next_time, self._timed.next_time
+        if self._client.is_ready:
+            found = min(found, max(self._schedule.next_time, self._loop_time + _POLL))
+        if loop is not None:
+            found = min(found, loop)
         if fault is not None and self._start is not None:
             found = min(found, self._start + fault)
         return found
@@ -194,10 +184,8 @@ class SimulatedVehicle:
         self._loop_time = self._now
         self._publish_answers()
         scene = Scene(self.world, self._noise, self._clocks)
-        for publication in self._schedule.take(self._now):
-            message = publication.filler.make(scene, self._now)
-            if message is not None:
-                self._publish(publication, message)
+        for publication, message in self._schedule.messages(scene, self._now):
+            self._publish(publication, message)
 
     def _publish(self, publication: Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/frames.md)."""
@@ -245,7 +233,7 @@ class SimulatedVehicle:
     def _take_sample(self, event: Received) -> None:
         topic, name, message_class = self._endpoints.inputs[event.number]
         self.received[name] += 1
-        handler = self._handlers.get(topic)
+        handler = self._programs.handlers.get(topic)
         if handler is None and self._log is None:
             return
         try:
@@ -264,8 +252,7 @@ class SimulatedVehicle:
             self._log.add(topic, message)
 
     def _take_request(self, event: Requested) -> None:
-        assert self._services is not None  # noqa: S101 - for the type checker: without services there are no requests
-        service = self._services.VehicleCommand
+        service = self._package.srv.VehicleCommand
         try:
             request = service.Request.decode(ENCAPSULATION + event.data).request
         except ValueError:
@@ -273,7 +260,7 @@ class SimulatedVehicle:
             return
         self.received["vehicle_command (service)"] += 1
         self.world.advance(self._now)
-        values = self._requests.carry_out(request)
+        values = self._programs.carry_out(request)
         if values:
             response = service.Response()
             for name, value in {**values, "timestamp": self._now + self._client.offset}.items():
@@ -352,9 +339,7 @@ def world_of(package: ModuleType, options: Options) -> World:
 
     Raises ValueError for a parameter that cannot be set, and for what is no vehicle, part or disturbance.
     """
-    for name in options.parts:
-        check_part(name)
-    airframe = airframe_of(options.vehicle)
+    parts, airframe = options.equipment, airframe_of(options.vehicle)
     topics = import_module(f"{package.__name__}.topics")
     has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
     rules = rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl")
@@ -368,7 +353,7 @@ def world_of(package: ModuleType, options: Options) -> World:
         parameters=options.followed,
         airframe=airframe,
     )
-    found.parts = options.equipment
+    found.parts = parts
     found.disturbances = Disturbances(options.disturbances, options.seed, options.key)
     return found
 

@@ -59,11 +59,6 @@ class VtolPilot:
         """The down position at the beginning of a transition."""
 
     @property
-    def is_overturned(self) -> bool:
-        """Whether the vehicle lies on its back: it went to forward flight on the ground."""
-        return self._flight.is_overturned
-
-    @property
     def lift(self) -> Lift:
         """See Autopilot."""
         return self.rotors.lift
@@ -71,35 +66,8 @@ class VtolPilot:
     # What both pilots are told
 
     @property
-    def home(self) -> Vector:
-        """Where a return ends."""
-        return self.rotors.home
-
-    @home.setter
-    def home(self, place: Vector) -> None:
-        self.rotors.home = self.wings.home = place
-
-    @property
-    def has_position(self) -> bool:
-        """Whether the vehicle knows its position."""
-        return self.rotors.has_position
-
-    @has_position.setter
-    def has_position(self, known: bool) -> None:
-        self.rotors.has_position = self.wings.has_position = known
-
-    @property
-    def origin(self) -> float:
-        """See WingPilot."""
-        return self.wings.origin
-
-    @origin.setter
-    def origin(self, altitude: float) -> None:
-        self.wings.origin = altitude
-
-    @property
     def controls_position(self) -> bool:
-        """Whether position control of a multicopter runs."""
+        """See Pilot."""
         return self.rotors.controls_position and self.state is not VtolState.FORWARD
 
     @property
@@ -220,7 +188,7 @@ class VtolPilot:
         if self.state is not VtolState.FORWARD or self._flight.is_on_ground:
             return False
         x, y, z = self._flight.position
-        distance = math.hypot(x - self.home[0], y - self.home[1]) - self._parameters["NAV_LOITER_RAD"]
+        distance = math.dist((x, y), self._flight.home[:2]) - self._parameters["NAV_LOITER_RAD"]
         is_home = distance < _NEAR_HOME and abs(z - self.wings.height) < _NEAR_HEIGHT
         return self._mode in {LAND, DESCEND} or (self._mode == RETURN and is_home)
 
@@ -252,7 +220,7 @@ class VtolPilot:
             self._flight.is_overturned = True
 
     def rest(self) -> None:
-        """Stop the motors."""
+        """See Pilot."""
         self.rotors.rest()
 
     def lift_off(self, time: int, armed: int, target: Setpoint | Wing | None, *, is_landed: bool) -> float:

@@ -6,16 +6,16 @@ Times are in us, places in m in NED, angles in rad.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, RETURN, TAKEOFF, TERMINATION
 from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
 from msggen.sim.attitude import Vector, added, angles_of
-from msggen.sim.autopilot import HEIGHT, POSITION
+from msggen.sim.autopilot import HEIGHT, POSITION, Pilot
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.flight import NAN, Push, Target
-from msggen.sim.setpoints import Setpoints
+from msggen.sim.setpoints import PUSHES, Setpoints
 from msggen.sim.wings import CLIMB, MAX_CLIMB, MAX_LATERAL, MAX_SINK, SINK, Wing, Wings
 
 _FRESH = 40_000
@@ -37,19 +37,12 @@ _NEAR = 1.0
 """The distance in m from the centre of a circle below which it has no bearing."""
 
 
-class WingPilot:
+class WingPilot(Pilot):
     """Flies the mode of the commander. As in PX4, the last setpoint is flown for ever, whoever has written it."""
 
-    controls_position = is_led = False
-
     def __init__(self, flight: Wings, setpoints: Setpoints, parameters: Mapping[str, float]) -> None:
-        self.home: Vector = (0.0, 0.0, 0.0)
-        """Where a return ends."""
-        self.has_position = True
-        self.origin = 0.0
-        """The altitude of the origin of the local position, above mean sea level."""
-        self._flight, self._setpoints, self._parameters = flight, setpoints, parameters
-        self._mode, self._since = -1, 0
+        super().__init__(flight, setpoints)
+        self._parameters = parameters
         self._wing = Wing()
         self._written = dict.fromkeys(_PARTS, -_FRESH)
         """When a program has written each part of the setpoint."""
@@ -59,13 +52,12 @@ class WingPilot:
         self._place: Vector | None = None
         self._takeoff_height = NAN
         lateral, longitudinal, turns, climbs = FIXED_WING_KIND.topics
-        self.handlers: Mapping[str, Callable[[Any, int], None]] = {
+        self.handlers = {
             lateral: self._take_lateral,
             longitudinal: self._take_longitudinal,
             turns: self._take_lateral_limits,
             climbs: self._take_longitudinal_limits,
         }
-        """By the names of topics in uORB. Each takes a message and its time."""
 
     @property
     def height(self) -> float:
@@ -81,7 +73,7 @@ class WingPilot:
     def _take_longitudinal(self, message: Any, time: int) -> None:
         self._write(
             time,
-            down=self.origin - message.altitude,
+            down=self._flight.origin - message.altitude,
             height_rate=message.height_rate,
             airspeed=message.equivalent_airspeed,
             pitch=message.pitch_direct,
@@ -126,10 +118,6 @@ class WingPilot:
         self._circle = added(self._circle, move)
         self._goal += move[2]
 
-    def begin_again(self) -> None:
-        """Enter the mode anew, because the local position has another origin."""
-        self._mode = -1
-
     def enter(self, mode: int, time: int) -> None:
         """Begin a mode, if it is not the present one."""
         if mode == self._mode:
@@ -147,7 +135,7 @@ class WingPilot:
             self._goal = _or(self._takeoff_height, z - self._parameters["MIS_TAKEOFF_ALT"])
             self._takeoff_height = NAN
         elif mode == RETURN:
-            home = self.home
+            home = self._flight.home
             self._circle = home[0], home[1], min(z, home[2] - self._parameters["RTL_RETURN_ALT"])
         self._place = None
 
@@ -157,13 +145,6 @@ class WingPilot:
             return not is_landed and self._flight.position[2] <= self._goal
         return is_landed and self._mode == LAND
 
-    def rest(self) -> None:
-        """Stop the motor."""
-
-    def lift_off(self, _time: int, _armed: int, _target: Wing | None, *, is_landed: bool) -> float:  # noqa: ARG002 - as of others
-        """Return no limit of the climb: only a takeoff leaves the ground."""
-        return math.inf
-
     def target(self, time: int, controls: Controls = ALL) -> Wing | None:
         """Return the setpoint at a time. `controls` are those of the mode of a program. None: the motor is off."""
         mode = self._mode
@@ -171,7 +152,7 @@ class WingPilot:
             return None
         if mode in EXTERNAL:
             return self._program(controls)
-        if mode == DESCEND or not self.has_position:
+        if mode == DESCEND or not self._flight.has_position:
             return self._blind(time, mode)
         own = self._own(mode, time)
         kept = {name: getattr(self._wing, name) for name, last in self._written.items() if time - last < _FRESH}
@@ -190,12 +171,8 @@ class WingPilot:
         """Return the setpoint of the mode of a program, which is the last one of PX4's own mode at its beginning."""
         if not POSITION.isdisjoint(controls):
             return self._wing
-        if "attitude" in controls:
-            return self._posed(self._setpoints.of_attitude(self._since))
-        if "rates" in controls:
-            return self._posed(self._setpoints.of_rates(self._since))
-        if "allocation" in controls:
-            return self._posed(self._setpoints.of_torque(self._since))
+        if not controls.isdisjoint(PUSHES):
+            return self._posed(self._setpoints.push(controls, self._since))
         found = self._setpoints.actuators(self._since)
         return self._posed(None if found is None else Push(0.0, forward=max(0.0, found[0][0])))
 

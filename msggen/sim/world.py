@@ -13,10 +13,10 @@ from msggen.messages.nav_states import MODE_NAMES
 from msggen.messages.vehicle_types import VtolState
 from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.battery import Battery
+from msggen.sim.commander.arming import BY_FAILSAFE, BY_INACTION, BY_LANDING
 from msggen.sim.commander.commander import LOOP, Commander
 from msggen.sim.commander.requirements import Senses
 from msggen.sim.commander.rules import V1_18, Rules
-from msggen.sim.commander.states import BY_FAILSAFE, BY_INACTION, BY_LANDING
 from msggen.sim.commands import carry_out
 from msggen.sim.disturbances import Disturbances
 from msggen.sim.external import External
@@ -29,8 +29,6 @@ from msggen.sim.setpoints import Setpoints
 from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wheels import Drive
 from msggen.sim.wings import Wing, Wings
-
-__all__ = ["STEP", "Home", "World"]
 
 STEP = 4_000
 """The time in us between two steps, so that a flight does not depend on how often the world is asked."""
@@ -85,7 +83,7 @@ class World:
         self.commander = Commander(rules, parameters, airframe)
         self.setpoints = Setpoints()
         self.flight, self.autopilot, self.landing = model_of(airframe, self.setpoints, parameters, rules)
-        self.autopilot.origin = self.origin.altitude
+        self.flight.origin = self.origin.altitude
         self.position_resets = self.home_changes = self.control_changes = 0
         """How often the position was found again, home was set, and the vehicle took off or landed."""
         self._parameters = parameters
@@ -98,7 +96,6 @@ class World:
         self._gps_time = 0
         """When GPS and position were last both there or both gone."""
         self._setpoint: Target | Push | Wing | Drive | None = None
-        self._senses = Senses()
 
     # Time
 
@@ -136,7 +133,7 @@ class World:
             self.has_position = has_gps
             self.position_resets += self.has_position
         self.has_origin |= has_gps and self.has_position
-        self.autopilot.has_position = self.has_position
+        self.flight.has_position = self.has_position
         self.commander.vtol_state = self.vtol_state
         self.has_home |= self.has_position and self.has_origin
 
@@ -164,7 +161,7 @@ class World:
         While it is disarmed, home follows it, as when a rover rolls on.
         """
         rests = not self.commander.is_armed, self.landing.landed
-        begins = all(rests) and math.dist(self.flight.position, self.autopilot.home) > _NEAR_HOME
+        begins = all(rests) and math.dist(self.flight.position, self.flight.home) > _NEAR_HOME
         if rests != self._rests:
             before, self._rests = self._rests, rests
             self.control_changes += before[1] != self._rests[1]
@@ -174,9 +171,9 @@ class World:
 
     @property
     def senses(self) -> Senses:
-        """What the commander is told: the same object while it is the same."""
+        """What the commander is told."""
         known, setpoints = self.has_position, self.setpoints
-        found = Senses(
+        return Senses(
             local_position=known,
             local_position_relaxed=known,
             global_position=self.has_global,
@@ -187,13 +184,10 @@ class World:
             ground_station=self.has_ground_station,
             battery=self.battery.warning,
             wings_failed=self.wings_failed,
-            has_fallen=isinstance(self.autopilot, VtolPilot) and self.autopilot.is_overturned,
+            has_fallen=isinstance(self.flight, Wings) and self.flight.is_overturned,
             is_landed=self.landing.landed,
             is_done=self.autopilot.is_done(is_landed=self.landing.landed),
         )
-        if found != self._senses:
-            self._senses = found
-        return self._senses
 
     # State
 
@@ -231,11 +225,6 @@ class World:
         return self.commander.mode
 
     @property
-    def mode_name(self) -> str:
-        """The name of the mode."""
-        return MODE_NAMES[self.mode]
-
-    @property
     def is_armed(self) -> bool:
         """Whether the motors can turn."""
         return self.commander.is_armed
@@ -260,7 +249,7 @@ class World:
         """Return the state for people, and why the vehicle has disarmed by itself if it was armed before."""
         failsafe = ", failsafe" if self.commander.failsafe.is_active else ""
         why = f": {self.why_disarmed}" if was_armed and not self.is_armed and self.why_disarmed else ""
-        return f"{'armed' if self.is_armed else 'disarmed'}, {self.mode_name}{failsafe}{why}"
+        return f"{'armed' if self.is_armed else 'disarmed'}, {MODE_NAMES[self.mode]}{failsafe}{why}"
 
     @property
     def thrust(self) -> float:
@@ -285,34 +274,19 @@ class World:
         """Where the vehicle is."""
         return self.origin.place(self.flight.position)
 
-    @property
-    def latitude(self) -> float:
-        """In degrees."""
-        return self.place.latitude
-
-    @property
-    def longitude(self) -> float:
-        """In degrees."""
-        return self.place.longitude
-
-    @property
-    def altitude(self) -> float:
-        """Above mean sea level in m."""
-        return self.origin.altitude - self.flight.position[2]
-
     def set_home(self, home: Home, *, is_manual: bool = False) -> None:
         """Let a return end at a place. One that `is_manual` stays at the next takeoff."""
         self.home, self.has_home, self._is_manual_home = home, True, is_manual
         self.home_changes += 1
-        self.autopilot.home = self.origin.local(home)
+        self.flight.home = self.origin.local(home)
 
     def set_origin(self, origin: Home) -> None:
         """Count the local position from a place. The vehicle stays where it is."""
         place, ground = self.place, self.origin.altitude - self.flight.ground
         had_origin, self.origin, self.has_origin = self.has_origin, origin, True
-        self.autopilot.origin = origin.altitude
+        self.flight.origin = origin.altitude
         if not had_origin:  # the place of the vehicle on earth was not known: it follows from the origin
             return
         self.flight.position, self.flight.ground = origin.local(place), origin.altitude - ground
-        self.autopilot.home = origin.local(self.home)
+        self.flight.home = origin.local(self.home)
         self.autopilot.begin_again()

@@ -1,6 +1,6 @@
 """The side of a simulated vehicle that PX4's module `zenoh` has, without input and output (docs/zenoh.md).
 
-It takes the place of the client of DDS-XRCE. Its datagrams are those of `msggen.sim.zenoh_transport`.
+It takes the place of the client of DDS-XRCE. Its datagrams are those of `msggen.sim.transport`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Any, Final, NamedTuple, cast
 
 from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key
 from msggen.link.xrce import client as xrce
-from msggen.link.xrce.client_entities import Settings
 from msggen.link.xrce.client_events import Connected, Event, Exchange, Received
 from msggen.link.xrce.wire import ENCAPSULATION
 from msggen.messages.names import stem_of
@@ -84,9 +83,7 @@ def zenoh_endpoints_of(package: ModuleType, options: Options) -> Endpoints:
             found = publication_of(endpoint, name=name, number=number, rate=options.rate, parts=options.equipment)
             publications.append(_unlimited(found) if options.rate is None else found)
     declared = Declared(_guid(options.key), out, to, options.zenoh_tokens)
-    return Endpoints(
-        publications, inputs, Settings((), ()), lambda: cast("xrce.Client", Client(declared, options.seed))
-    )
+    return Endpoints(publications, inputs, lambda: cast("xrce.Client", Client(declared, options.seed)))
 
 
 def _unlimited(publication: Publication) -> Publication:

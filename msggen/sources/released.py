@@ -12,18 +12,17 @@ from msggen.definitions.identity import message_hash
 from msggen.definitions.model import DEFAULT_PACKAGE, Catalog, Message
 from msggen.definitions.parse.definition import parse_message
 from msggen.sources.conventions import CONVENTIONS
-from msggen.sources.embedded import EMBEDDED, PREFIX, Releases, all_releases, nearest_first
+from msggen.sources.embedded import EMBEDDED, PREFIX, all_releases, nearest_first
 
 _VERSIONED = "msg/versioned/"
 
 
 def check_archived(catalog: Catalog) -> Iterator[Diagnostic]:
     """Yield a warning for each archived version that has other fields than the release in which it was current."""
-    releases = Releases()
     for archived in catalog.archived.values():
         name = archived.released_as[1]
         for release in EMBEDDED:
-            found = released_as(releases, release, name) if _is_versioned(releases, release, name) else None
+            found = embedded(release, name) if _is_versioned(release, name) else None
             if (
                 found
                 and found.message.message_version == archived.message_version
@@ -40,14 +39,18 @@ class Released(NamedTuple):
     message: Message
 
 
-def released_as(releases: Releases, release: str, name: str, package: str = DEFAULT_PACKAGE) -> Released | None:
-    """Return the message `name` of a release as one of `package`, None if the release does not have it."""
+@lru_cache(2048)
+def embedded(release: str, name: str, package: str = DEFAULT_PACKAGE) -> Released | None:
+    """Return the message `name` of a release as one of `package`, None if the release does not have it.
+
+    It is read once a process.
+    """
     found: dict[str, Message] = {}
     waiting = [f"{package}/{name}"]
     while waiting:
         key = waiting.pop()
         stem = key.rpartition("/")[2]
-        path, text = releases.file(release, f"{stem}.msg")
+        path, text = all_releases().file(release, f"{stem}.msg")
         if not path:
             return None
         found[key] = _parsed(text, path, stem, package)
@@ -63,12 +66,6 @@ def _parsed(text: str, path: str, name: str, package: str) -> Message:
     return parse_message(text, PREFIX + path, name, package)[0]
 
 
-@lru_cache(2048)
-def embedded(release: str, name: str, package: str = DEFAULT_PACKAGE) -> Released | None:
-    """Return the same as `released_as` of the embedded releases, read once a process."""
-    return released_as(all_releases(), release, name, package)
-
-
 def nearest(name: str, firmware: str, package: str = DEFAULT_PACKAGE) -> Iterator[tuple[str, Released]]:
     """Yield the embedded releases that have a message, with it, the nearest to a firmware first (`nearest_first`)."""
     for release in nearest_first(firmware):
@@ -77,5 +74,5 @@ def nearest(name: str, firmware: str, package: str = DEFAULT_PACKAGE) -> Iterato
             yield release, found
 
 
-def _is_versioned(releases: Releases, release: str, name: str) -> bool:
-    return releases.file(release, f"{name}.msg")[0].startswith(_VERSIONED)
+def _is_versioned(release: str, name: str) -> bool:
+    return all_releases().file(release, f"{name}.msg")[0].startswith(_VERSIONED)

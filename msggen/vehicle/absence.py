@@ -9,7 +9,6 @@ from msggen.link.link import Statistics
 from msggen.link.link_types import AGENT_PORT, type_named
 from msggen.vehicle.entry import Member
 from msggen.vehicle.hub import Hub
-from msggen.vehicle.selection import shown
 
 PATIENCE = 12.0
 """The time in s after which a program that waits without a time limit is told that no vehicle is connected.
@@ -39,15 +38,15 @@ def _help(name: str, *, is_silent: bool) -> str:
 
 def _of_vehicles(hub: Hub, member: Member) -> str:
     if member.entry is not None:
-        vehicle = shown(member.entry.remote)
+        vehicle = str(member.entry.remote)
         return f"{vehicle} has not opened its topics yet, which takes 5 s with PX4's time synchronization: wait longer"
-    others = [shown(entry.remote) for entry in tuple(hub.entries.values())]
+    others = [str(entry.remote) for entry in tuple(hub.entries.values())]
     if not others:
         return ""
     asked = ", ".join(
         f"the {name} {value!r}" for name, value in member.selection._asdict().items() if value is not None
     )
-    wanted = f"one with {asked}" if asked else shown(member.last) if member.last else "another one"
+    wanted = f"one with {asked}" if asked else str(member.last) if member.last else "another one"
     return f"only {few(others)} is connected, and {wanted} was asked for"
 
 

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from msggen.link.link import LinkError, Remote
-from msggen.vehicle.selection import order, shown
+from msggen.vehicle.selection import order
 
 if TYPE_CHECKING:
     from msggen.vehicle.vehicle import Vehicle
@@ -51,7 +51,7 @@ class Alone:
         count = len({each.identity for each in found})
         if count == 1 and not (are_twins_two and len(found) > 1):
             return
-        listed = ", ".join(shown(each) for each in found)
+        listed = ", ".join(map(str, found))
         twins = "Set the parameter UXRCE_DDS_KEY of each to another number"
         cure = self._choice.format(key=found[0].key) if count > 1 else twins
         if found[0].guid:

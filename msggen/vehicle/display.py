@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from msggen.vehicle.selection import shown
-
 if TYPE_CHECKING:
     from msggen.link.link import Route
     from msggen.vehicle.entry import Member
@@ -32,7 +30,7 @@ def html_of_vehicle(title: str, state: str, member: Member) -> str:
         remote = entry.remote
         firmware = entry.firmware()
         known = str(firmware) if firmware.is_complete else f"{firmware} (so far)"
-        facts += [("vehicle", shown(remote)), ("firmware", known), ("lost samples", str(entry.lost))]
+        facts += [("vehicle", str(remote)), ("firmware", known), ("lost samples", str(entry.lost))]
     parts = [_table(title, (), facts)]
     if member.feeds:
         heads = ("subscription", "message", "samples", "mean rate", "waiting", "dropped")

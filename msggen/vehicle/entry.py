@@ -13,7 +13,7 @@ from msggen.messages.names import is_topic
 from msggen.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
 from msggen.vehicle.calls import Calls
 from msggen.vehicle.feed import Feed
-from msggen.vehicle.selection import Selection, is_same, shown
+from msggen.vehicle.selection import Selection, is_same
 from msggen.vehicle.watch import Watch
 
 PERIOD_NS: Final = 1_000_000_000
@@ -225,6 +225,6 @@ class Member:
         """Return what the user should know of a vehicle that is not taken, or ""."""
         selection, own = self.selection, self.last
         if selection.is_any and own is not None and not is_same(own, remote):
-            text = f"{shown(remote)} connected too and is ignored, as this Vehicle has {shown(own)}"
+            text = f"{remote} connected too and is ignored, as this Vehicle has {own}"
             return f"{text}: select one by key, namespace or address"
         return ""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from msggen.link.link import Remote
-from msggen.vehicle.selection import is_same, order, shown
+from msggen.vehicle.selection import is_same, order
 
 NAMESPACES: Final = "give each one its own, `uxrce_dds_client start -n uav_1` or UXRCE_DDS_NS_IDX"
 _CURE: Final = f"{NAMESPACES}, or select one with --key {{}}"
@@ -42,9 +42,4 @@ def sort(carried: Iterable[Remote], present: Iterable[Remote], cure: str = _CURE
 def clash(first: Remote, second: Remote, cure: str = _CURE) -> str:
     """Return why two vehicles cannot both be carried, and what to do."""
     name = f"the namespace '{first.namespace}'" if first.namespace else "no namespace"
-    return f"{shown(first)} and {shown(second)} both have {name}: {cure.format(second.key)}"
-
-
-def clashes(present: Sequence[Remote]) -> list[str]:
-    """Return why a relay cannot carry vehicles that have connected before it knows which one is meant."""
-    return [reason for _, reason in sort((), present).refused]
+    return f"{first} and {second} both have {name}: {cure.format(second.key)}"

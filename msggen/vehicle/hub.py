@@ -9,12 +9,12 @@ from logging import getLogger
 
 from msggen.base.diagnostics import counted
 from msggen.link.age import LATE
-from msggen.link.link import Link, Publisher, Remote, Route, Service, StaleError
+from msggen.link.link import Link, Listener, Publisher, Remote, Route, Service, StaleError
 from msggen.messages.packages import Decoding, NamedTopic, size_of
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry, Member, Row
 from msggen.vehicle.feed import Feed, Item, check_outside_callback
-from msggen.vehicle.selection import order, shown, why_missing
+from msggen.vehicle.selection import order, why_missing
 from msggen.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -22,7 +22,7 @@ OTHERS = "msggen.live.others"
 """The logger that warns of further vehicles, which a program of several vehicles does not need."""
 
 
-class Hub:
+class Hub(Listener):
     """The listener of a link."""
 
     def __init__(self, link: Link) -> None:
@@ -30,7 +30,7 @@ class Hub:
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries = Entries(link, self.changed, self.evaluate, self._tell_all_missing)
-        self.sample = self.entries.sample
+        self.sample = self.entries.sample  # type: ignore[method-assign]
         """Gives a sample to the subscriptions. It is no method, for speed."""
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
@@ -69,7 +69,7 @@ class Hub:
             for member in self.members:
                 if member.entry is entry:
                     member.entry, member.reason = None, reason
-                    LOGGER.info("%s disconnected: %s", shown(remote), reason)
+                    LOGGER.info("%s disconnected: %s", remote, reason)
                     for other in reversed(tuple(self.entries.values())):
                         self._offer(member, other)
             self.changed.notify_all()
@@ -122,7 +122,7 @@ class Hub:
             if not has_route and id(feed) not in member.told:
                 member.told.add(id(feed))
                 why = why_missing(entry.remote, feed.topic.namespace)
-                LOGGER.warning("%s has no topic '%s': %s", shown(entry.remote), feed.topic.name, why)
+                LOGGER.warning("%s has no topic '%s': %s", entry.remote, feed.topic.name, why)
 
     # any thread
 
@@ -246,7 +246,7 @@ class Hub:
 
     def _take(self, member: Member, entry: Entry) -> None:
         member.entry, member.last = entry, entry.remote
-        LOGGER.info("%s connected", shown(entry.remote))
+        LOGGER.info("%s connected", entry.remote)
         for feed in member.feeds:
             feed.error = None
             entry.check.prefer(feed.topic.message.__msg__.ros_type)

@@ -44,11 +44,6 @@ def is_same(earlier: Remote, later: Remote) -> bool:
     return earlier.identity == later.identity
 
 
-def shown(remote: Remote) -> str:
-    """Return a vehicle for messages to the user."""
-    return str(remote)
-
-
 NOT_ON_ZENOH: Final = (
     "it is not in the list of its module zenoh: add it to zenoh/pub.csv or sub.csv on its card, and restart it, or use "
     "its uxrce_dds_client, such as udp://127.0.0.1:8888"

@@ -42,7 +42,7 @@ from msggen.vehicle.absence import PATIENCE, absence
 from msggen.vehicle.entry import Entry, Member
 from msggen.vehicle.feed import LOGGER, Feed, Options
 from msggen.vehicle.repeater import Repeater
-from msggen.vehicle.selection import NO_SERVICES, Selection, shown, why_missing
+from msggen.vehicle.selection import NO_SERVICES, Selection, why_missing
 from msggen.vehicle.sharing import join_hub, leave_hub, leave_soon, link_of, opened_at
 from msggen.vehicle.subscription import Subscription
 from msggen.vehicle.watch import Direction, Watch, Watcher
@@ -115,7 +115,7 @@ class Vehicle:
     def __repr__(self) -> str:
         entry = self._member.entry  # once, because the thread of the link can remove it
         absence = self._hub.failure or "not connected"
-        state = "closed" if self._member.is_closed else shown(entry.remote) if entry else absence
+        state = "closed" if self._member.is_closed else str(entry.remote) if entry else absence
         return f"<Vehicle on {self.url}: {state}>"
 
     def _repr_html_(self) -> str | None:
@@ -180,7 +180,7 @@ class Vehicle:
         Raises LinkTimeoutError.
         """
         if not self._hub.wait(lambda: self._member.entry is None, timeout):
-            raise LinkTimeoutError(f"{shown(self.remote)} is still connected after {timeout:g} s")
+            raise LinkTimeoutError(f"{self.remote} is still connected after {timeout:g} s")
         return self._member.reason
 
     @property
@@ -228,7 +228,7 @@ class Vehicle:
         """
         entry = self._entry()
         if not self._hub.wait(lambda: entry.check.is_complete or self._member.entry is not entry, timeout):
-            text = f"{shown(entry.remote)} has not answered for all its messages within {timeout:g} s"
+            text = f"{entry.remote} has not answered for all its messages within {timeout:g} s"
             raise LinkTimeoutError(f"{text}: {entry.firmware()}")
         return self.firmware
 
@@ -476,7 +476,7 @@ class Vehicle:
         if service is None:
             have = ", ".join(f"'{each.name}'" for each in tuple(entry.services.values())) or "no service"
             why = NO_SERVICES if entry.is_on_zenoh else f"it has {have}; PX4 has one since v1.15"
-            raise TopicError(f"{shown(entry.remote)} has no service '{service_name}': {why}")
+            raise TopicError(f"{entry.remote} has no service '{service_name}': {why}")
         payload = entry.calls.call(service, request.encode(), timeout)
         return response.decode(payload)
 
@@ -494,7 +494,7 @@ class Vehicle:
             if last is None:
                 raise NotConnectedError(f"no vehicle is connected to {self.url} yet: call wait_connected() first")
             raise NotConnectedError(
-                f"{shown(last)} disconnected: {self._member.reason}; wait_connected() waits until it is back"
+                f"{last} disconnected: {self._member.reason}; wait_connected() waits until it is back"
             )
         return entry
 
@@ -538,11 +538,11 @@ class Vehicle:
                 check_sent(cls, route, entry.hash_of(route.ros_type))
                 return route
         if not entry.is_ready:
-            raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
+            raise NotConnectedError(f"{entry.remote} is still connecting: call wait_connected() first")
         names = [stem_of(route.name) for route in tuple(entry.routes.values()) if route.direction == "in"]
         is_own = found.namespace in (None, entry.remote.namespace)
         on_zenoh = {stem_of(each.ros_name) for each in zenoh_endpoints(found.package)} if entry.remote.guid else ()
         is_absent = bool(entry.remote.guid) and found.stem not in on_zenoh
         near = suggestion(found.stem, names) if is_own and not is_absent else ""
         why = near or f": {why_missing(entry.remote, found.namespace)}"
-        raise TopicError(f"{shown(entry.remote)} does not read '{found.name}'{why}")
+        raise TopicError(f"{entry.remote} does not read '{found.name}'{why}")

@@ -16,7 +16,7 @@ import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.cli import main
-from msggen.exports.fleet import examining, findings, update
+from msggen.exports.fleet import batch, examining, update
 from support.fleet_stores import Bucket
 from support.written import write_recording
 
@@ -209,7 +209,7 @@ def test_recordings_in_a_store_are_examined(
 def test_a_huge_recording_has_no_findings_in_a_fleet(
     flights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(findings, "LARGEST", 1)
+    monkeypatch.setattr(batch, "LARGEST", 1)
     update(str(flights), str(tmp_path / "fleet"))
     assert not (tmp_path / "fleet" / "findings").exists()
 

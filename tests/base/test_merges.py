@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import errno
 import itertools
-import json
 import os
 import shutil
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +13,7 @@ import pytest
 
 from msggen.cli import main
 from support.catalogs import write_definitions
+from support.disk_calls import dies_at
 from support.examples import examples
 from support.packages import RECORD, age, content, git, identity
 
@@ -193,39 +191,6 @@ def test_a_damaged_fingerprint_is_ignored(text: str, capsys: pytest.CaptureFixtu
     assert build() == 0
     assert "is up to date" in capsys.readouterr().out
     assert place.read_text() == whole
-
-
-def test_a_record_of_an_earlier_release_is_read() -> None:
-    """Old records also had a fingerprint, a summary and a seal. Their files are recognised, and removed if obsolete."""
-    assert build("-q") == 0
-    record = json.loads((PACKAGE / RECORD).read_text())
-    old = {"fingerprint": "0" * 64, "summary": "3 messages", **record, "seal": "0" * 64}
-    (PACKAGE / RECORD).write_text(json.dumps(old, indent=1))
-    shutil.rmtree(PACKAGE / CACHE)
-    Path("in/Lamp.msg").unlink()
-    write_definitions(Path("in"), {"Fan.msg": f"{STAMP}uint8 speed\n"})
-    assert build("-q") == 0
-    assert without_cache(PACKAGE) == fresh_package()
-
-
-def dies_at(number: int, run: Callable[[], object]) -> bool:
-    """Call `run` in a process that exits at its `number`-th change of the disk; return whether it got there."""
-    child = os.fork()
-    if child == 0:
-        changing = {"os.mkdir", "os.rename", "os.remove", "os.rmdir"}
-        calls = itertools.count()
-
-        def count(event: str, arguments: tuple[Any, ...]) -> None:
-            writes = event == "open" and isinstance(arguments[2], int) and arguments[2] & (os.O_WRONLY | os.O_RDWR)
-            if (writes or event in changing) and next(calls) == number:
-                os._exit(9)
-
-        sys.addaudithook(count)
-        try:
-            run()
-        finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from msggen.base.disk import files, swap
 from msggen.base.disk.names import too_long
 from msggen.cli import main
 from support.catalogs import write_definitions
+from support.disk_calls import hooked
 from support.examples import by_day, examples
 from support.packages import RECORD, content, identity
 
@@ -429,32 +430,6 @@ def test_where_the_folder_cannot_be_swapped_its_files_are_replaced(call: str, mo
 # --- Failing calls, and the order of calls
 
 
-CALLS = ("mkdir", "link", "symlink", "chmod", "utime", "fsync", "replace", "rename", "unlink", "rmdir")
-
-
-def fails_at(number: int, patch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Make the call number `number` that changes the disk fail; return the calls that were made."""
-    made = itertools.count()
-
-    def failing(working: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any, **options: Any) -> Any:
-            if next(made) == number:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return working(*arguments, **options)
-
-        return call
-
-    opened = os.open
-    creating = failing(opened)
-    patch.setattr(
-        os, "open", lambda path, flags, *more: (creating if flags & os.O_CREAT else opened)(path, flags, *more)
-    )
-    for name in CALLS:
-        patch.setattr(os, name, failing(getattr(os, name)))
-    patch.setattr(swap, "_exchange", failing(swap._exchange))
-    return made
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["swapped", "file by file"])
 def test_whichever_call_fails_nothing_is_torn_or_lost(
@@ -475,11 +450,16 @@ def test_whichever_call_fails_nothing_is_torn_or_lost(
         shutil.rmtree("generated")
         shutil.copytree("old", "generated")
         capsys.readouterr()
-        with monkeypatch.context() as patch:
-            made = fails_at(number, patch)
+        made = itertools.count()
+
+        def full(_: str, made: Iterator[int] = made, number: int = number) -> None:
+            if next(made) == number:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        with hooked(full):
             outcome = build()
-            if next(made) <= number:
-                break
+        if next(made) <= number:
+            break
         told = capsys.readouterr().err
         found = code()
         if how == "swapped":

@@ -116,32 +116,6 @@ def test_what_msggen_did_not_create_is_not_staged_over(foreign: str) -> None:
     assert {name: data for name, data in content(Path()).items() if name != "more"} == before
 
 
-def test_a_name_aside_that_is_a_link_is_not_written_through() -> None:
-    Path("victim").write_text("mine")
-    Path("a.msggen-new").symlink_to("victim")
-    with pytest.raises(InputError, match=r"a\.msggen-new: S104"):
-        write_if_changed("a", "new")
-    assert Path("victim").read_text() == "mine"
-    assert Path("a").read_text() == "old a"
-
-
-def test_a_name_aside_that_is_another_name_of_a_file_is_not_written_through() -> None:
-    Path("victim").write_text("mine")
-    os.link("victim", "a.msggen-new")
-    write_if_changed("a", "new")
-    assert Path("victim").read_text() == "mine"
-    assert Path("a").read_text() == "new"
-
-
-def test_a_file_that_is_a_link_is_replaced_and_its_target_stays() -> None:
-    Path("victim").write_text("new")
-    Path("a").unlink()
-    Path("a").symlink_to("victim")
-    write_if_changed("a", "new")
-    assert not Path("a").is_symlink()
-    assert Path("victim").read_text() == "new"
-
-
 def test_a_deep_tree_is_removed_and_a_link_in_it_is_not_followed() -> None:
     write_definitions(Path("mine"), {"file": "mine"})
     make_folder(os.path.join("tree", *["a"] * 1500))

@@ -295,13 +295,6 @@ def test_the_last_commit_is_the_default_in_a_repository(capsys: Capture) -> None
         assert "--against" in capsys.readouterr().err
 
 
-def test_a_path_may_have_an_at_in_it(capsys: Capture) -> None:
-    add_field()
-    os.rename("firmware", "me@home")
-    assert broken(capsys, "--px4", "me@home", "--against", "v1") == ADDED
-    assert broken(capsys, "--px4", "me@home", "--against", "me@home@v1") == ADDED
-
-
 def test_a_revision_of_such_a_path_is_compared_with_others(capsys: Capture) -> None:
     os.rename("firmware", "me@home")
     assert broken(capsys, "--px4", "me@home@main", "--against", "v1") == NONE

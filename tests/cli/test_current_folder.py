@@ -12,6 +12,7 @@ import pytest
 from msggen.base.diagnostics import printable
 from msggen.cli import DONE, FAILED, main
 from support.catalogs import write_definitions
+from support.commands import run
 from support.examples import by_day
 from support.repository import ROOT
 
@@ -165,12 +166,12 @@ def test_a_tree_before_v1_14_is_refused_in_a_line(
 @pytest.mark.parametrize(
     "command", [["build"], ["render", "--template", "t.j2", "-o", "o"], ["breaking", "--against", "a"]]
 )
-def test_a_tree_without_its_option_is_told_the_option(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([*command, "PX4-Autopilot"])
-    assert stopped.value.code == FAILED
-    told = capsys.readouterr().err.splitlines()[0]
-    assert told.endswith("unknown argument 'PX4-Autopilot': name the firmware with --px4 PX4-Autopilot")
+def test_a_tree_without_its_option_is_told_the_option(command: list[str]) -> None:
+    outcome = run([*command, "PX4-Autopilot"])
+    assert outcome.code == FAILED
+    assert outcome.stderr.splitlines()[0].endswith(
+        "unknown argument 'PX4-Autopilot': name the firmware with --px4 PX4-Autopilot"
+    )
 
 
 @pytest.mark.parametrize(
@@ -184,10 +185,9 @@ def test_a_tree_without_its_option_is_told_the_option(command: list[str], capsys
     ],
 )
 def test_sync_with_two_folders_is_told_which_one_is_the_firmware(
-    words: list[str], hint: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], hint: str, working_folder: Path
 ) -> None:
     write_definitions(working_folder, {f"PX4-Autopilot/{name}": text for name, text in TREE.items()})
-    with pytest.raises(SystemExit) as stopped:
-        main(["sync", *words])
-    assert stopped.value.code == FAILED
-    assert capsys.readouterr().err.splitlines()[0].endswith(f"unknown argument '{printable(words[1])}'{hint}")
+    outcome = run(["sync", *words])
+    assert outcome.code == FAILED
+    assert outcome.stderr.splitlines()[0].endswith(f"unknown argument '{printable(words[1])}'{hint}")

@@ -394,43 +394,9 @@ def test_errors_are_no_findings(option: str, working_folder: Path, capsys: pytes
 
 # Arbitrary file contents
 
-WORDS = [
-    "uint8",
-    "float32",
-    "Foo",
-    "std_msgs/Header",
-    "string",
-    "a",
-    "A",
-    "timestamp",
-    "=",
-    "-1",
-    "0x",
-    "1e999",
-    "[",
-    "]",
-]
-WORDS += [
-    "[3]",
-    "[<=",
-    "<=",
-    "/",
-    "# TOPICS",
-    "#",
-    "---",
-    "'",
-    '"',
-    "\\",
-    " ",
-    "  ",
-    "\t",
-    "\n",
-    "\r\n",
-    "\0",
-    "é",
-    "{{",
-    "%",
-]
+WORDS = ["uint8", "float32", "Foo", "std_msgs/Header", "string", "a", "A", "timestamp", "=", "-1", "0x", "1e999"]
+WORDS += ["[", "]", "[3]", "[<=", "<=", "/", "# TOPICS", "#", "---", "'", '"', "\\", " ", "  ", "\t", "\n", "\r\n"]
+WORDS += ["\0", "é", "{{", "%"]
 KEYS = ["publications", "subscriptions_multi", "topic", "type", "rate_limit", "instance", "options", "/fmu/out/foo"]
 KEYS += [
     "px4_msgs::msg::Foo",
@@ -449,25 +415,8 @@ KEYS += [
     "!",
     "<<",
     "? ",
-    "|",
 ]
-KEYS += [
-    "'",
-    '"',
-    "~",
-    "---",
-    "#",
-    ".inf",
-    ".nan",
-    "1e999",
-    "0x1",
-    "1:30",
-    "-1",
-    "99999999999999999999",
-    "\t",
-    "%",
-    "\\e",
-]
+KEYS += ["|", "'", '"', "~", "---", "#", ".inf", ".nan", "1e999", "0x1", "1:30", "-1", "9" * 20, "\t", "%", "\\e"]
 
 ANY_TEXT = st.one_of(
     st.binary(max_size=60), st.text(max_size=60).map(lambda text: text.encode("utf-8", "surrogatepass"))

@@ -21,6 +21,7 @@ from msggen.exports.convert import TABLE_SUFFIXES, TABLES
 from msggen.exports.writer import Writer
 from msggen.recordings.log import reader
 from msggen.recordings.log.reader import Reader
+from support.commands import exit_code
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START, read_mcap
@@ -553,11 +554,7 @@ def test_errors_tell_what_to_do(words: str, expected: str, here: Path, capsys: p
     (here / "empty").write_bytes(b"")
     (here / "none").mkdir()
     before = sorted(here.iterdir())
-    try:
-        code = run(*shlex.split(words))
-    except SystemExit as error:
-        code = int(error.code or 0)
-    assert code == 2
+    assert exit_code(["log", *shlex.split(words)]) == 2
     assert expected in capsys.readouterr().err
     assert sorted(here.iterdir()) == before
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
-from msggen.cli import main
+from support.commands import exit_code
 from support.examples import by_day
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
@@ -31,10 +31,7 @@ def flight(here: Path, px4_types: Any) -> Path:
 
 
 def run(words: str) -> int:
-    try:
-        return main(["log", *shlex.split(words)])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", *shlex.split(words)])
 
 
 # --- what users type

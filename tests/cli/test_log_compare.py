@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
-from msggen.cli import main
+from support.commands import exit_code
 from support.report_flights import write_mcap, write_other, write_ulog
 
 
@@ -29,10 +29,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(*words: str) -> int:
-    try:
-        return main(["log", "compare", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "compare", *words])
 
 
 def test_what_differs_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

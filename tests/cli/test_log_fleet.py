@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,9 +17,9 @@ from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.cli import main
 from msggen.cli.source_options import is_recording
 from msggen.exports.fleet.fleet import with_files
+from support.commands import exit_code
 from support.fleet_logs import VEHICLES, write_logs
 from support.fleet_recordings import logs_in, rows_of, write_flight
-from support.repository import ROOT
 
 SUMMARY = """\
 fleet: 6 recordings converted in S s, 1,631 samples in 6 files, N kB
@@ -41,10 +39,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(*words: str) -> int:
-    try:
-        return main(["log", "convert", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "convert", *words])
 
 
 def without_figures(text: str) -> str:
@@ -234,22 +229,8 @@ def test_names_of_outputs(here: Path, px4_types: Any, capsys: pytest.CaptureFixt
     assert [name.rpartition("-")[0] for name in logs_in(here / "fleet")] == ["10.02.11"]
 
 
-def test_without_dask(here: Path) -> None:
-    (here / "distributed.py").write_text("raise ImportError('none', name='distributed')")
-    done = subprocess.run(
-        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", "convert", "logs",
-         "--dask", "tcp://127.0.0.1:9"],
-        env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == FAILED
-    assert re.match(r"distributed: R150 this package is not installed: \S+ install -e '.*\[dask\]'\n", done.stderr)
-
-
 def compact(*words: str) -> int:
-    try:
-        return main(["log", "compact", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "compact", *words])
 
 
 def test_small_files_become_large_ones(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -283,13 +264,3 @@ def test_what_cannot_be_compacted_is_named(here: Path, capsys: pytest.CaptureFix
     told = capsys.readouterr().err
     assert told.startswith(f"fleet: R150 sensor_gps/{path.name}: the file is damaged (")
     assert told.endswith("): remove it, and `msggen log convert` converts its recordings again\n1 error\n")
-
-
-def test_without_pyarrow_nothing_is_compacted(here: Path) -> None:
-    (here / "pyarrow.py").write_text("raise ImportError('none', name='pyarrow')")
-    done = subprocess.run(
-        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", "compact", "fleet"],
-        env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == FAILED
-    assert re.match(r"pyarrow: R150 this package is not installed: \S+ install -e '.*\[recordings\]'\n", done.stderr)

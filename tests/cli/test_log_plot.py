@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,11 +10,10 @@ from typing import Any
 import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
-from msggen.cli import main
 from msggen.cli.printing import number_of_bytes
+from support.commands import exit_code
 from support.log_files import Written, write_log
 from support.recordings import START
-from support.repository import ROOT
 from support.written import write_recording
 
 
@@ -32,10 +29,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, px4_types: Any) -> Pat
 
 
 def run(words: Sequence[str]) -> int:
-    try:
-        return main(["log", "plot", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "plot", *words])
 
 
 def test_a_file_is_written_and_replaced(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,14 +114,3 @@ def test_a_window_is_shown_where_there_is_a_screen(monkeypatch: pytest.MonkeyPat
     (axes,) = plt.figure(shown[0][0]).axes
     assert axes.get_ylabel() == "[m]"
     plt.close("all")
-
-
-def test_without_matplotlib(here: Path) -> None:
-    (here / "matplotlib.py").write_text("raise ImportError('none', name='matplotlib')")
-    done = subprocess.run(
-        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", "plot", "flight.mcap",
-         "a.b", "-o", "z.png"],
-        env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == FAILED
-    assert re.match(r"matplotlib: R102 this package is not installed: \S+ install -e '.*\[plot\]'\n", done.stderr)

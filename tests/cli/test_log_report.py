@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
-from msggen.cli import main
 from msggen.cli.printing import number_of_bytes
+from support.commands import exit_code
 from support.log_files import Written, write_log
 from support.recordings import START
 from support.written import write_recording
@@ -30,10 +30,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, px4_types: Any) -> Pat
 
 
 def run(words: Sequence[str]) -> int:
-    try:
-        return main(["log", "report", *words])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["log", "report", *words])
 
 
 def test_a_file_is_written_and_replaced(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

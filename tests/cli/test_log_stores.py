@@ -8,10 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import product
 from pathlib import Path
 from time import monotonic, sleep
@@ -25,6 +22,7 @@ from support.commands import Outcome, check_outcome, run
 from support.examples import by_day
 from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
 from support.random_mcap import WAYS, recording
+from support.raw_server import raw_server, whole_answer
 
 INFO = ["log", "info", "s3://bucket/a.mcap"]
 COMMANDS = {
@@ -198,19 +196,6 @@ def test_no_error_shows_a_password_or_a_signature(
     assert "hidden" not in outcome.stderr
 
 
-@contextmanager
-def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
-    """Let a server answer on the loopback interface, and yield its port."""
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-        thread.start()
-        try:
-            yield server.server_port
-        finally:
-            server.shutdown()
-            thread.join()
-
-
 REDIRECTS = [
     "{path}",
     "http://user:hidden@127.0.0.1:{port}{path}",
@@ -224,30 +209,20 @@ REDIRECTS = [
 def test_a_server_that_redirects_without_end_learns_no_secret(
     location: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The libraries of stores put whole addresses into their errors."""
     hasten(monkeypatch)
     monkeypatch.chdir(tmp_path)
 
-    class Redirecting(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(302)
-            self.send_header("Location", location.format(path=self.path, port=self.headers["Host"].rpartition(":")[2]))
-            self.send_header("Content-Length", "0")
-            self.end_headers()
+    def redirect(head: str) -> Iterator[bytes]:
+        place = location.format(path=head.split(" ")[1], port=raw.port)
+        yield whole_answer("302 a", f"Location: {place}\r\n")
 
-        def do_HEAD(self) -> None:
-            self.do_GET()
-
-        def log_message(self, *_: object) -> None:
-            """Print nothing."""
-
-    with served(Redirecting) as port:
-        address = f"http://user:hidden@127.0.0.1:{port}/flight.mcap?signature=hidden"
+    with raw_server(redirect) as raw:
+        address = f"http://user:hidden@127.0.0.1:{raw.port}/flight.mcap?signature=hidden"
         for words in (["info", address], ["convert", address, "-o", "made.mcap"], ["merge", address, address]):
             outcome = run(["log", *words])
             check_outcome(outcome)
             assert outcome.code == FAILED
-            assert f"http://127.0.0.1:{port}/flight.mcap" in outcome.stderr
+            assert f"http://127.0.0.1:{raw.port}/flight.mcap" in outcome.stderr
             assert "hidden" not in outcome.stdout + outcome.stderr
         with pytest.raises(OSError, match=r"flight\.mcap: ") as caught:
             recordings.open(address)

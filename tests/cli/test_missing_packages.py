@@ -61,7 +61,7 @@ MISSING = [
         for name in ("info", "findings", "show", "report", "compare", *TABLES[:3], "cut", "play")
     ),
     *((name, "pyarrow", RECORDINGS) for name in TABLES),
-    *((name, "mcap", RECORDINGS) for name in MCAP),
+    *((name, "mcap", RECORDINGS) for name in (*MCAP, "play")),
     ("store", "obstore", "stores"),
 ]
 

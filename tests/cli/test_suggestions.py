@@ -12,6 +12,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.cli.unknown_argument import COMMANDS
 from support.catalogs import write_definitions
 from support.commands import COMMANDS as OWN
+from support.commands import run
 from support.examples import by_day
 from support.repository import ROOT
 
@@ -92,10 +93,8 @@ def test_a_part_of_a_tree_has_the_same_hint_in_each_command(
         ("topic echo vehicle_status --timeout 3", "'--timeout': use --for"),
     ],
 )
-def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Capture) -> None:
-    with pytest.raises(SystemExit):
-        main(line.split())
-    assert f"unknown argument {hint}" in capsys.readouterr().err
+def test_the_words_of_other_programs_have_hints(line: str, hint: str) -> None:
+    assert f"unknown argument {hint}" in run(line.split()).stderr
 
 
 @pytest.mark.parametrize(
@@ -106,23 +105,24 @@ def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Ca
         ("mode list", "argument COMMAND: no command 'mode': `msggen command mode NAME`"),
         ("interface show x", "argument COMMAND: no command 'interface': `msggen topic info TOPIC` shows the fields"),
         ("replay x", "argument COMMAND: no command 'replay': `msggen play FILE` plays a recording"),
+        (
+            "check a --output-format jsn",
+            "argument --output-format: invalid choice: 'jsn', did you mean 'json'?",
+        ),
         ("recrod", "argument COMMAND: invalid choice: 'recrod', did you mean 'record'? (choose from build, "),
         ("echo", "argument COMMAND: invalid choice: 'echo', did you mean 'topic echo'? (choose from build, "),
         ("nonsense", "argument COMMAND: invalid choice: 'nonsense' (choose from build, "),
     ],
 )
-def test_the_hint_comes_first(line: str, hint: str, capsys: Capture) -> None:
-    with pytest.raises(SystemExit):
-        main(line.split())
-    assert f"error: {hint}" in capsys.readouterr().err
+def test_the_hint_comes_first(line: str, hint: str) -> None:
+    assert f"error: {hint}" in run(line.split()).stderr
 
 
 @by_day("word", [*COMMANDS, "MicroXRCEAgent"], 3)
-def test_a_word_of_another_program_points_to_a_command_or_a_page(word: str, capsys: Capture) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([word, "--port", "x"])
-    assert stopped.value.code == FAILED
-    first = capsys.readouterr().err.splitlines()[0]
+def test_a_word_of_another_program_points_to_a_command_or_a_page(word: str) -> None:
+    outcome = run([word, "--port", "x"])
+    assert outcome.code == FAILED
+    first = outcome.stderr.splitlines()[0]
     assert first.startswith(f"msggen: error: argument COMMAND: no command '{word}': ")
     assert "choose from" not in first
     for line in re.findall("`msggen ([^`]+)`", first):
@@ -147,10 +147,8 @@ def test_the_words_of_the_programs_that_people_know_are_there() -> None:
 
 
 @pytest.mark.parametrize(("line", "meant"), [("info flight.ulg", "log info"), ("echo vehicle_status", "topic echo")])
-def test_an_action_without_its_command_has_a_hint(line: str, meant: str, capsys: Capture) -> None:
-    with pytest.raises(SystemExit):
-        main(line.split())
-    assert f", did you mean '{meant}'?" in capsys.readouterr().err
+def test_an_action_without_its_command_has_a_hint(line: str, meant: str) -> None:
+    assert f", did you mean '{meant}'?" in run(line.split()).stderr
 
 
 @pytest.mark.tools("git")

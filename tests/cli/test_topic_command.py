@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import os
@@ -311,10 +310,10 @@ class _Restarting:
 
 
 def test_a_watching_command_says_that_a_vehicle_has_disconnected(capsys: pytest.CaptureFixture[str]) -> None:
-    options, vehicle = argparse.Namespace(**{"for": None}), _Restarting()
+    vehicle = _Restarting()
     told: list[str] = []
     with suppress(RuntimeError):  # the states have ended
-        told.extend(capsys.readouterr().err for _ in rounds(options, vehicle, 0.001))  # type: ignore[arg-type]
+        told.extend(capsys.readouterr().err for _ in rounds(None, vehicle, 0.001))  # type: ignore[arg-type]
     assert told == ["", "the vehicle has disconnected, waiting for it\n", "", "the vehicle is connected again\n", ""]
 
 
@@ -380,7 +379,7 @@ def test_two_rounds_are_a_period_apart(seconds: float, count: int, monkeypatch: 
     times = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda rest: now.append(now.pop() + rest))
     monkeypatch.setattr("msggen.cli.watching.time", times)
     vehicle = type("Vehicle", (), {"is_connected": True})()
-    found = [now[0] for _ in rounds(argparse.Namespace(**{"for": seconds}), vehicle, 1.0)]
+    found = [now[0] for _ in rounds(seconds, vehicle, 1.0)]
     assert len(found) == count
     assert found[-1] == pytest.approx(100.0 + seconds)
 
@@ -388,7 +387,7 @@ def test_two_rounds_are_a_period_apart(seconds: float, count: int, monkeypatch: 
 def test_rounds_end_with_their_time() -> None:
     vehicle = type("Vehicle", (), {"is_connected": True})()
     for seconds, period, most in ((0.05, 0.02, 3), (0.01, 5.0, 1)):
-        found = list(rounds(argparse.Namespace(**{"for": seconds}), vehicle, period))
+        found = list(rounds(seconds, vehicle, period))
         assert 1 <= len(found) <= most
 
 

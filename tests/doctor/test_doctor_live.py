@@ -37,6 +37,7 @@ from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.vehicle.owned.places import CAN_SHARE
+from support.commands import run
 from support.dds_vehicle import domains, vehicle
 from support.faults import rules_of
 from support.findings import ids, judged, texts
@@ -636,8 +637,7 @@ def test_errors_are_json_too(capsys: pytest.CaptureFixture[str]) -> None:
         (["doctor", "--for", "x"], "argument --for: expected a number"),
     ],
 )
-def test_wrong_arguments(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main(words)
-    assert stopped.value.code == 2
-    assert text in capsys.readouterr().err
+def test_wrong_arguments(words: list[str], text: str) -> None:
+    outcome = run(words)
+    assert outcome.code == 2
+    assert text in outcome.stderr

@@ -72,6 +72,17 @@ def vehicle(**values: Any) -> Case:
     return seen(vehicles=(VEHICLE._replace(**values),))
 
 
+def example_of(name: str) -> Case:
+    """Return the example of a rule."""
+    return case_of(next(rule for rule in DOCTOR if rule.id == name))
+
+
+def changed_vehicle(case: Case, **values: Any) -> Case:
+    """Return a case of one vehicle with other facts of it."""
+    (own,) = case.seen.vehicles
+    return case._replace(seen=case.seen._replace(vehicles=(own._replace(**values),)))
+
+
 def test_nothing_is_found_in_the_healthy_vehicle() -> None:
     report = diagnose(HEALTHY)
     assert (report.findings, report.fails) == ((), False)
@@ -236,6 +247,7 @@ def test_definitions_of_a_package_and_of_its_sources_are_the_same(px4_types: Any
 
 # --- times and flow
 
+EXCHANGE = ("source_protocol", "observed_offset", "estimated_offset", "round_trip_time")
 EXCHANGES = st.lists(st.tuples(st.integers(-300_000, 300_000), st.integers(0, 100_000)), min_size=1, max_size=8)
 
 
@@ -244,45 +256,31 @@ def test_the_estimate_of_the_clocks_is_wrong_if_all_exchanges_say_so(
     exchanges: list[tuple[int, int]], protocol: int
 ) -> None:
     """An exchange is off by half of its round trip at most. Those about MAVLink say nothing."""
-    case = case_of(next(rule for rule in DOCTOR if rule.id == "CLOCK_UNSETTLED"))
+    case = example_of("CLOCK_UNSETTLED")
     (own,) = case.seen.vehicles
     ((sync, (sample,)),) = own.states.items()
     estimated = sample.values["estimated_offset"]
     samples = tuple(
-        sample._replace(
-            values={
-                "source_protocol": protocol,
-                "observed_offset": estimated + error,
-                "estimated_offset": estimated,
-                "round_trip_time": round_trip,
-            }
-        )
+        sample._replace(values=dict(zip(EXCHANGE, (protocol, estimated + error, estimated, round_trip), strict=True)))
         for error, round_trip in exchanges
     )
     least = min(max(0, abs(error) - round_trip / 2) for error, round_trip in exchanges)
-    found = ids(case._replace(seen=case.seen._replace(vehicles=(own._replace(states={sync: samples}),))))
+    found = ids(changed_vehicle(case, states={sync: samples}))
     assert found == (["CLOCK_UNSETTLED"] if protocol == 2 and least > 20_000 else [])
 
 
 def test_an_estimate_of_a_real_px4_that_lags_behind_is_found() -> None:
     """Exchanges of a simulated v1.18, 14 s after its first one: it runs 1 % slower than the clock."""
-    case = case_of(next(rule for rule in DOCTOR if rule.id == "CLOCK_UNSETTLED"))
+    case = example_of("CLOCK_UNSETTLED")
     (own,) = case.seen.vehicles
     ((sync, (sample,)),) = own.states.items()
     estimates = (-1795425084882422, -1795425084882678, -1795425084882954, -1795425084882954, -1795425084883236)
     errors, trips = (-27688, -33344, -39987, -58288, -42006), (4000, 0, 4000, 24000, 8000)
     samples = tuple(
-        sample._replace(
-            values={
-                "source_protocol": 2,
-                "observed_offset": estimate + error,
-                "estimated_offset": estimate,
-                "round_trip_time": trip,
-            }
-        )
+        sample._replace(values=dict(zip(EXCHANGE, (2, estimate + error, estimate, trip), strict=True)))
         for estimate, error, trip in zip(estimates, errors, trips, strict=True)
     )
-    case = case._replace(seen=case.seen._replace(vehicles=(own._replace(states={sync: samples}),)))
+    case = changed_vehicle(case, states={sync: samples})
     assert ids(case) == ["CLOCK_UNSETTLED"]
     assert "sends times that are 26 ms too early" in texts(case)
 
@@ -436,9 +434,7 @@ def test_damaged_datagrams_are_found_from_one_percent(refused: dict[str, int]) -
 
 
 def steered(inputs: Mapping[str, InputSeen], **values: Any) -> Case:
-    (own,) = STEERED.seen.vehicles
-    changed = own._replace(inputs=inputs, **values)
-    return STEERED._replace(seen=STEERED.seen._replace(vehicles=(changed,)))
+    return changed_vehicle(STEERED, inputs=inputs, **values)
 
 
 STEERING = STEERED.seen.vehicles[0].inputs
@@ -488,7 +484,7 @@ def test_a_position_below_the_origin_and_the_vehicle_is_found(z: float, own: flo
     place = "/fmu/out/vehicle_local_position"
     state = vehicle.states[place][0]
     states = {**vehicle.states, place: (state._replace(values={**state.values, "z": own}),)}
-    case = case._replace(seen=case.seen._replace(vehicles=(vehicle._replace(states=states),)))
+    case = changed_vehicle(case, states=states)
     assert ids(case) == (["SETPOINT_DOWNWARD"] if z > max(0.0, own) + 0.5 else [])
 
 
@@ -505,7 +501,7 @@ def test_a_mode_of_a_program_needs_no_control_mode() -> None:
 
 
 def test_setpoints_are_not_judged_if_other_topics_are_meant() -> None:
-    wrong = case_of(next(rule for rule in DOCTOR if rule.id == "SETPOINT_EMPTY"))
+    wrong = example_of("SETPOINT_EMPTY")
     assert ids(wrong) == ["SETPOINT_EMPTY"]
     assert ids(wrong._replace(wanted=("vehicle_attitude",))) == []
     assert ids(wrong._replace(wanted=("offboard_control_mode",))) == ["SETPOINT_EMPTY"]
@@ -518,22 +514,20 @@ def test_one_setpoint_before_the_watch_is_enough() -> None:
 
 
 def test_an_arming_that_was_accepted_since_is_no_refusal() -> None:
-    refused = case_of(next(rule for rule in DOCTOR if rule.id == "ARMING_REFUSED"))
+    refused = example_of("ARMING_REFUSED")
     (own,) = refused.seen.vehicles
-    acks = own.states["/fmu/out/vehicle_command_ack"]
+    acks = own.states[ACK]
     later = acks[0]._replace(values={"command": 400, "result": 0})
-    both = own._replace(states={**own.states, "/fmu/out/vehicle_command_ack": (*acks, later)})
-    assert ids(refused._replace(seen=refused.seen._replace(vehicles=(both,)))) == ["CHECKS_FAIL"]
+    assert ids(changed_vehicle(refused, states={**own.states, ACK: (*acks, later)})) == ["CHECKS_FAIL"]
 
 
 @given(st.floats(0, 1e5))
 def test_a_refusal_counts_however_old_it_is(age: float) -> None:
-    refused = case_of(next(rule for rule in DOCTOR if rule.id == "ARMING_REFUSED"))
+    refused = example_of("ARMING_REFUSED")
     (own,) = refused.seen.vehicles
     (ack,) = own.states[ACK]
     earlier = ack._replace(time=SEEN.now - round(age * 1e9))
-    alone = own._replace(inputs={}, states={**own.states, ACK: (earlier,)})
-    case = refused._replace(seen=refused.seen._replace(vehicles=(alone,)))
+    case = changed_vehicle(refused, inputs={}, states={**own.states, ACK: (earlier,)})
     assert ids(case) == ["ARMING_REFUSED"]
     assert f"'temporarily rejected' {age:.1f} s ago" in texts(case)
     assert ids(case._replace(wanted=("vehicle_attitude",))) == []
@@ -552,7 +546,7 @@ def test_commands_for_others_are_found(
     commands: list[tuple[int, int, int]], system: int, component: int, acknowledged: tuple[int, ...]
 ) -> None:
     """The reference: PX4 takes what is for its own ids or for 0, and others acknowledge what is for them."""
-    case = case_of(next(rule for rule in DOCTOR if rule.id == "COMMAND_MISADDRESSED"))
+    case = example_of("COMMAND_MISADDRESSED")
     (own,) = case.seen.vehicles
     names = ("command", "target_system", "target_component")
     samples = tuple(SampleSeen(SEEN.now, "0001", dict(zip(names, each, strict=True))) for each in commands)
@@ -565,7 +559,6 @@ def test_commands_for_others_are_found(
         **({ACK: acks} if acks else {}),
     }
     inputs = {**own.inputs, COMMAND: own.inputs[COMMAND]._replace(last=samples)}
-    vehicle = own._replace(inputs=inputs, states=states)
     ignored = set()
     for number in {number for number, _, _ in commands}:
         targets = [target for own_number, *target in commands if own_number == number]
@@ -573,7 +566,7 @@ def test_commands_for_others_are_found(
         is_unanswered = not acknowledged and all(target not in (0, component) for _, target in targets)
         if is_elsewhere or is_unanswered:
             ignored.add(number)
-    found = texts(case._replace(seen=case.seen._replace(vehicles=(vehicle,))))
+    found = texts(changed_vehicle(case, inputs=inputs, states=states))
     assert {number for number in (400, 176, 512) if f"has command {number} for " in found} == ignored
     assert ("but is not armed" in found) == (400 not in ignored)
 
@@ -589,9 +582,7 @@ def test_what_px4_sets_while_its_checks_pass_is_no_reason(px4_types: Any) -> Non
         for _, topic, data in flight_captures.load(flight).rows:
             if topic not in names.values():
                 continue
-            newest[topic] = tuple(
-                each for each in (SampleSeen(0, data, _values(messages[topic].decode(bytes.fromhex(data)))),)
-            )
+            newest[topic] = (SampleSeen(0, data, _values(messages[topic].decode(bytes.fromhex(data)))),)
             seen = VEHICLE._replace(routes=routes, states=newest)
             status = seen.state("vehicle_status")
             if len(newest) == 2 and status["pre_flight_checks_pass"] and status["arming_state"] == 1:
@@ -809,7 +800,7 @@ _HERE = {
 def test_measurements_that_are_far_from_the_estimate_are_found(
     flags: dict[str, bool], sent: dict[str, object], told: str
 ) -> None:
-    case = case_of(next(rule for rule in DOCTOR if rule.id == "MEASUREMENT_UNFUSED"))
+    case = example_of("MEASUREMENT_UNFUSED")
     (own,) = case.seen.vehicles
     (seen,) = (each for name, each in own.inputs.items() if name.endswith("visual_odometry"))
     values = {"position": (math.nan,) * 3, "timestamp_sample": seen.last[-1].values["timestamp_sample"], **sent}
@@ -822,7 +813,6 @@ def test_measurements_that_are_far_from_the_estimate_are_found(
         name: each._replace(last=(each.last[-1]._replace(values=values),)) if each is seen else each
         for name, each in own.inputs.items()
     }
-    vehicles = (own._replace(states=states, inputs=inputs),)
-    found = texts(case._replace(seen=case.seen._replace(vehicles=vehicles)))
+    found = texts(changed_vehicle(case, states=states, inputs=inputs))
     assert told in found
     assert bool(told) == bool(found)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import signal
 import struct
 import subprocess
 import sys
@@ -270,34 +269,6 @@ def test_there_is_never_a_part_of_a_target(log: Log, tmp_path: Path, format_: st
     assert all(Path(path).exists() for path in converted.files)
     with pytest.raises(FileExistsError):
         convert(log, str(target), format=format_)
-
-
-KILLED = """
-import os, sys, time
-from msggen import recordings
-from msggen.exports.convert import convert
-
-def wait(share):
-    print(share, flush=True)
-    time.sleep(60)
-
-convert(recordings.open(sys.argv[1]), sys.argv[2], format=sys.argv[3], progress=wait)
-"""
-
-
-@pytest.mark.skipif(os.name == "nt", reason="needs SIGKILL")
-@pytest.mark.parametrize("format_", ["parquet", "mcap"])
-def test_a_kill_leaves_nothing_at_the_target(flight: Path, log: Log, tmp_path: Path, format_: str) -> None:
-    target = tmp_path / "target"
-    command = [sys.executable, "-c", KILLED, str(flight), str(target), format_]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline()
-        process.send_signal(signal.SIGKILL)
-    assert not target.exists()
-    assert os.listdir(tmp_path)  # the next run removes it
-    convert(log, str(target), format=format_)
-    assert os.listdir(tmp_path) == ["target"]
 
 
 def write_definitions(path: Path, start: int, definitions: dict[str, tuple[str, bytes]]) -> Path:

@@ -55,17 +55,14 @@ def test_the_files_have_the_columns_of_the_recordings(logs: Path, tmp_path: Path
                 assert rows[column].to_numpy().tobytes() == values.tobytes()
                 assert (rows.schema.field(column).metadata or {}) == (expected.schema.field(column).metadata or {})
             assert set(zip(*(rows[key].to_pylist() for key in Keys._fields), strict=True)) == {
-                (record.values["vehicle"], record.values["date"], record.log, "none", 0)
+                (record.vehicle, record.date, record.log, "none", 0)
             }
 
 
 def test_names_dates_and_vehicles(logs: Path, tmp_path: Path, px4_types: Any) -> None:
     write_flight(logs / "b" / "with_fix_2020-01-01.mcap", px4_types, 7, gps=GPS)
     summary = update(str(logs), str(tmp_path / "fleet"))
-    found = {
-        next(iter(each.paths)): (each.values["vehicle"], each.values["date"], each.date_from)
-        for each in summary.converted
-    }
+    found = {next(iter(each.paths)): (each.vehicle, each.date, each.date_from) for each in summary.converted}
     assert {os.path.relpath(path, logs).replace(os.sep, "/"): values for path, values in found.items()} == {
         "a/flight.mcap": ("unknown", DAY, "clock"),
         "b/flight.mcap": ("unknown", DAY, "clock"),
@@ -287,7 +284,7 @@ def test_a_recording_whose_problem_names_a_topic_with_nul_is_not_forgotten(tmp_p
     write_log(logs / "a.mcap", [known, strange])
     (record,) = update(str(logs), str(fleet)).records
     assert "\0" in "".join(record.problems)
-    assert (record.rows, rows_in(fleet)) == (1, 2), "a sample, and the finding that a part cannot be read"
+    assert (record.samples, rows_in(fleet)) == (1, 2), "a sample, and the finding that a part cannot be read"
     assert update(str(logs), str(fleet)).unchanged == 1
 
 

@@ -15,8 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.exports.fleet import Keys, compact, compaction, parts, update
-from msggen.exports.fleet.parts import Files, Run, write_parts
+from msggen.exports.fleet import Keys, compact, parts, update
+from msggen.exports.fleet import fleet as fleets
+from msggen.exports.fleet.parts import Files, Run, write_files
 from msggen.exports.fleet.records import FleetError
 from support.examples import examples
 from support.fleet_logs import VEHICLES, flight
@@ -61,7 +62,7 @@ def test_large_files_stay_as_they_are(fleet: Path, monkeypatch: pytest.MonkeyPat
     compact(str(fleet))
     before = parquet_in(fleet)
     size = min((fleet / name).stat().st_size for name in before)
-    monkeypatch.setattr(compaction, "LARGE", size)
+    monkeypatch.setattr(fleets, "LARGE", size)
     add(fleet.parent, 5)
     add(fleet.parent, 6)
     compact(str(fleet))
@@ -86,10 +87,10 @@ def test_row_groups_of_large_recordings_are_bounded(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(parts, "_MOST", 1000)
     table = pa.table({"timestamp": pa.array(range(1000), pa.uint64())})
     run = Run(Keys("v", "d", "l", "none", 0), table.schema, lambda: iter([table]))
-    (part,) = write_parts([run], str(tmp_path / "a.parquet"), ["vehicle", "date"])
-    metadata = pq.read_metadata(part.path)
+    (file,) = write_files([("a", [run])], str(tmp_path), "000001-00000000", ["vehicle", "date"])
+    metadata = pq.read_metadata(tmp_path / file.place)
     assert metadata.num_row_groups == 8
-    assert pq.read_table(part.path)["timestamp"].to_pylist() == list(range(1000))
+    assert pq.read_table(tmp_path / file.place)["timestamp"].to_pylist() == list(range(1000))
 
 
 _VALUES: Mapping[pa.DataType, Callable[[int], object]] = {pa.int32(): int, pa.float64(): float, pa.string(): str}
@@ -119,14 +120,13 @@ def test_columns_that_agree_are_in_one_file(given_runs: list[tuple[int, dict[str
         runs.append(Run(keys, table.schema, partial(_once, table)))
         expected[repr(sorted({**keys._asdict(), "timestamp": index, **values}.items()))] += 1
     with TemporaryDirectory() as folder:
-        written = list(write_parts(runs, f"{folder}/a.parquet", ["vehicle", "date"]))
+        written = write_files([("a", runs)], folder, "000001-00000000", ["vehicle", "date"])
         found = Counter[str]()
-        for part in written:
-            table = pq.ParquetFile(part.path).read()
+        for file in written:
+            table = pq.ParquetFile(f"{folder}/{file.place}").read()
             rows = table.to_pylist()
             found.update(repr(sorted((k, v) for k, v in row.items() if v is not None)) for row in rows)
-            assert part.rows == len(rows)
-            assert part.logs == list(dict.fromkeys(row["log"] for row in rows))
+            assert file.logs == list(dict.fromkeys(row["log"] for row in rows))
             order = [tuple(row[key] for key in Keys._fields) for row in rows]
             assert order == sorted(order)
         assert found == expected

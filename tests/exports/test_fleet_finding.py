@@ -103,7 +103,7 @@ def test_a_bag_of_a_recorder_that_was_killed_is_one_recording(tmp_path: Path, px
         Found(str(path)) for path in (bag, other / "flight_0.mcap", other / "flight_1.mcap")
     ]
     summary = update(str(tmp_path / "logs"), str(tmp_path / "fleet"))
-    assert sorted(record.rows for record in summary.records) == [100, 100, 200]
+    assert sorted(record.samples for record in summary.records) == [100, 100, 200]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="paths are not as long")

@@ -75,20 +75,6 @@ async def test_a_pilot_ends_an_executor_at_once(flight: Flight, vehicle: Flown) 
 
 
 @flying()
-async def test_an_executor_that_waits_for_arming_starts_then(flight: Flight, vehicle: Flown) -> None:
-    class Later(Mission):
-        starts = "armed"
-
-    mission = Later()
-
-    await chosen(flight, mission)
-    await asyncio.sleep(2.0)
-    assert not mission.steps
-    await flight.arm()
-    await vehicle.until(lambda: "home" in mission.steps, 60.0)
-
-
-@flying()
 async def test_an_executor_can_start_once_it_is_registered(flight: Flight, vehicle: Flown) -> None:
     class Now(Mission):
         starts = "registered"

@@ -20,6 +20,7 @@ from msggen.flight.measured import AXES, Source
 from msggen.flight.measurements import Measurements
 from msggen.flight.pytest import SimVehicle
 from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, PLACE, SOURCES, VELOCITY, reason
+from msggen.messages.nav_states import MODE_NAMES
 from msggen.sim import Options
 from msggen.sim.attitude import product
 from support.flown import EXTERNAL, Flown, Line, fly, flying, flying_each
@@ -677,7 +678,7 @@ def test_a_program_that_flies_and_measures_and_dies(types: Any) -> None:
         vehicle.loss, begin, found = 1.0, vehicle.time, []
         for mode in (5, 12):
             await vehicle.until(lambda mode=mode: vehicle.world.mode == mode, 6.0)  # type: ignore[misc]
-            found.append((vehicle.world.mode_name, (vehicle.time - begin) / 1e6))
+            found.append((MODE_NAMES[vehicle.world.mode], (vehicle.time - begin) / 1e6))
         eyes.cancel()
         return found
 

@@ -907,5 +907,5 @@ async def test_takeoff_to_an_altitude_above_the_sea_is_checked(
         await flight.takeoff(5.0, above_sea=500.0)
     assert vehicle.world.mode == HOLD
     await flight.takeoff(above_sea=START.altitude + 4.0)
-    assert vehicle.world.altitude == pytest.approx(START.altitude + 4.0, abs=1.0)
+    assert vehicle.world.place.altitude == pytest.approx(START.altitude + 4.0, abs=1.0)
     await flight.takeoff(above_sea=START.altitude + 4.0)

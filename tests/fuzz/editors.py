@@ -17,8 +17,7 @@ from msggen.definitions.model import snake_case
 from msggen.lsp import fixes
 from msggen.lsp.buffers import Buffers
 from msggen.lsp.completion import in_bridge, in_definition
-from msggen.lsp.hints import hints
-from msggen.lsp.hover import hover
+from msggen.lsp.hover import hints, hover
 from msggen.lsp.names import Kind, Name, Span, Use, at, definitions, uses
 from msggen.lsp.project import NOTHING, Problem, Project, State, root_of
 from msggen.lsp.server import span_of

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from fuzz.conversions import KINDS, damaged, files_of
 from fuzz.payloads import targets
 from msggen.exports.pictures import PICTURES
-from msggen.mcp.answers import LONGEST
+from msggen.mcp.server import LONGEST
 from support.assistant import server
 from support.lazy import Lazy
 from support.log_files import Written, write_log

@@ -20,9 +20,9 @@ from msggen.flight import Flight, GlobalPlace
 from msggen.flight.measurements import LOGGER
 from msggen.messages.measurements import GLOBAL, LOCAL, PARTS, PLACE
 from msggen.sim import Options
+from msggen.sim.disturbances import noise_of
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
-from msggen.sim.noise import noise_of
 from msggen.sim.values import Filler, Scene
 from msggen.sim.world import STEP
 

@@ -124,9 +124,9 @@ def check(case: Case) -> None:
                 link.sent, link.gone, link.longest = [], 0, LONGEST_NS - (way if is_known else 0)
                 _put(network, vehicle, topic, own, Attachment(number, told, gid).pack())
                 assert link.gone or link.sent == [own] or not is_known, LOST
-            assert len(network._strangers) <= MOST
-            assert len(network._left) <= MOST
-            assert sum(map(len, network._strangers.values())) <= MOST * MOST
+            assert len(network._namespaces._tokens) <= MOST
+            assert len(network._namespaces._left) <= MOST
+            assert sum(map(len, network._namespaces._tokens.values())) <= MOST * MOST
             assert len(network._waiting._ways) <= MOST
             assert set(network.refusals.counts) <= {NAME, SECOND}
     finally:

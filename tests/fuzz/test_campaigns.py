@@ -135,7 +135,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "recordings": ("msggen.exports.writer.ChunkWriter.add_chunk", lambda *_: None),
     "conversions": ("msggen.exports.convert._whole", at_once),
     "fleets": ("msggen.exports.fleet.storage.check_links", lambda *_: None),
-    "stores": ("msggen.exports.fleet.storage.Bucket.clear", lambda *_: None),
+    "stores": ("msggen.exports.fleet.storage.Bucket.delete", lambda *_: None),
     "servers": ("msggen.recordings.stores.connections.Origin.leads_to", lambda *_: True),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.link.xrce.session.REPLIES", 4096),
@@ -149,7 +149,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "findings": ("msggen.analysis.document.isfinite", lambda _: True),
     "missions": ("msggen.flight.missions.reading._Reading._is", lambda *_: True),
     "zenoh": ("msggen.link.rmw_zenoh.vehicles.MAX_VEHICLES", 1 << 30),
-    "networks": ("msggen.link.rmw_zenoh.waiting.Waiting.of", lambda *_: -(10**10)),
+    "networks": ("msggen.link.waiting.Waiting.of", lambda *_: -(10**10)),
     "motions": ("msggen.analysis.response._usable", lambda column: column),
     "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }

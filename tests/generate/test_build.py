@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import io
 import itertools
 import json
 import os
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -24,18 +22,17 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen.base.disk import swap
-from msggen.base.disk.staging import staging_folder
 from msggen.base.exit_codes import INTERRUPTED
 from msggen.cli import main
 from msggen.generate.python import package as packages
 from support.catalogs import write_definitions
-from support.examples import by_day, some
+from support.disk_calls import dies_at
+from support.examples import by_day
+from support.packages import BRIDGE_PLACE, RECORD, age, content, definition
 from support.repository import ROOT, shared
 
 PACKAGE = Path("generated", "px4_types")
-RECORD = ".msggen.json"
 FINGERPRINT = ".msggen_cache/fingerprint.json"
-BRIDGE_PLACE = "src/modules/uxrce_dds_client/dds_topics.yaml"
 BRIDGE = """
 publications:
   - topic: /fmu/out/vehicle_status
@@ -56,12 +53,6 @@ def build(*arguments: object) -> int:
     return main(["build", *map(str, arguments)])
 
 
-def definition(name: str) -> str:
-    """Return the text of an embedded message."""
-    (path,) = (ROOT / "msg").rglob(f"{name}.msg")
-    return path.read_text(encoding="utf-8")
-
-
 def folder_of(name: str, *messages: str) -> Path:
     """Return a folder of these embedded messages, outside any firmware tree."""
     return write_definitions(Path(name), {f"{message}.msg": definition(message) for message in messages})
@@ -75,23 +66,10 @@ def firmware(name: str = "firmware", versioned: str = "versioned/") -> Path:
     return write_definitions(Path(name), {**files, "srv/VehicleCommand.srv": service, BRIDGE_PLACE: BRIDGE})
 
 
-def content(folder: Path) -> dict[str, bytes | None]:
-    """Return everything in `folder`, hidden files included: bytes by path, None for folders."""
-    found = {str(path.relative_to(folder)): path for path in folder.rglob("*")}
-    return {name: path.read_bytes() if path.is_file() else None for name, path in sorted(found.items())}
-
-
 def identity(folder: Path) -> dict[str, tuple[int, int]]:
     """Return inode and time of every file; both change even if a file is rewritten with the same content."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     return {str(path.relative_to(folder)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
-
-
-def age(folder: Path) -> None:
-    """Make all files old, so that a rewritten file shows even if the clock is coarse."""
-    for path in folder.rglob("*"):
-        if path.is_file():
-            os.utime(path, (10**9, 10**9))
 
 
 def imported(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
@@ -154,34 +132,15 @@ def test_a_generated_file_that_was_harmed_is_restored_and_no_other_written(harm:
     assert {name for name in before if after[name] != before[name]} == {"msg/_rpm.py"}
 
 
-def test_files_no_longer_needed_go_and_so_do_folders_that_this_empties() -> None:
-    firmware()
-    build("-q", "--px4", "firmware")
-    assert (PACKAGE / "srv").is_dir()
-    shutil.rmtree("firmware/srv")
-    Path("firmware/msg/Rpm.msg").unlink()
-    assert build("-q", "--px4", "firmware") == 0
-    assert not (PACKAGE / "srv").exists()
-    assert not (PACKAGE / "msg" / "_rpm.py").exists()
-
-
 def test_what_remains_after_removals_is_what_a_fresh_build_makes() -> None:
     firmware()
     build("-q", "--px4", "firmware", "-o", "grown")
     shutil.rmtree("firmware/srv")
+    Path("firmware/msg/Rpm.msg").unlink()
     Path("firmware/msg/EscStatus.msg").unlink()
     build("-q", "--px4", "firmware", "-o", "grown")
     build("-q", "--px4", "firmware", "-o", "fresh")
     assert content(Path("grown")) == content(Path("fresh"))
-
-
-def test_a_change_of_sources_needs_no_cleaning() -> None:
-    firmware()
-    folder_of("bare", "Rpm", "DebugVect")
-    build("-q", "--px4", "firmware", "-o", "one")
-    build("-q", "--msg-dir", "bare", "-o", "one")
-    build("-q", "--msg-dir", "bare", "-o", "other")
-    assert content(Path("one")) == content(Path("other"))
 
 
 def test_two_packages_share_a_folder() -> None:
@@ -745,51 +704,18 @@ class Kill(NamedTuple):
     """The files that a killed run left, and the result of the next run."""
 
     step: int
-    left: dict[str, bytes | None]
+    left: dict[str, bytes | str | None]
     exit_code: int
-    repaired: dict[str, bytes | None]
+    repaired: dict[str, bytes | str | None]
 
 
 class Killed(NamedTuple):
     """All kills of one build, with the package before the build and after an uninterrupted one."""
 
-    before: dict[str, bytes | None]
-    after: dict[str, bytes | None]
+    before: dict[str, bytes | str | None]
+    after: dict[str, bytes | str | None]
     kills: list[Kill]
     can_swap: bool
-
-
-def changes_disk(function: Any) -> bool:
-    """Whether this built-in function changes files or folders."""
-    owner = getattr(function, "__self__", None)
-    if isinstance(owner, io.IOBase):
-        return function.__name__ in ("write", "writelines", "close", "flush", "truncate")
-    changing = ("mkdir", "replace", "rename", "remove", "unlink", "rmdir", "link", "symlink", "write", "utime", "chmod")
-    names = (*changing, "fsync")
-    return getattr(owner, "__name__", "") in ("posix", "nt") and function.__name__ in names
-
-
-def build_killed_at(step: int, *arguments: str) -> bool:
-    """Build in a child process that SIGKILL ends at its `step`-th change of the disk; return whether it was killed.
-
-    Steps are counted before each write and each move: until the next one, the disk stays as the last one left it. The
-    data on disk and the data still in Python's buffers are then as if the process were killed from outside.
-    """
-    child = os.fork()
-    if child == 0:
-        steps = itertools.count()
-
-        def profile(_frame: object, event: str, function: Any) -> None:
-            if event == "c_call" and changes_disk(function) and next(steps) == step:
-                os.kill(os.getpid(), signal.SIGKILL)
-
-        sys.setprofile(profile)
-        try:
-            build(*arguments)
-        finally:
-            os._exit(0)
-    _, status = os.waitpid(child, 0)
-    return os.WIFSIGNALED(status)
 
 
 def kill_everywhere(prepare: Path, *arguments: str) -> Iterator[Kill]:
@@ -797,7 +723,7 @@ def kill_everywhere(prepare: Path, *arguments: str) -> Iterator[Kill]:
     for step in itertools.count():
         shutil.rmtree("out", ignore_errors=True)
         shutil.copytree(prepare, "out")
-        if not build_killed_at(step, *arguments):
+        if not dies_at(step, lambda: build(*arguments)):
             return
         left = content(Path("out"))
         exit_code = build(*arguments)
@@ -843,7 +769,7 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         return Killed(content(Path("before")), content(Path("after")), kills, can_swap)
 
 
-def code(state: dict[str, bytes | None]) -> dict[str, bytes | None]:
+def code(state: dict[str, bytes | str | None]) -> dict[str, bytes | str | None]:
     """Return what Python can import of a package."""
     return {name: data for name, data in state.items() if name.startswith("px4_types/") and "/." not in name}
 
@@ -898,17 +824,6 @@ def test_the_next_run_removes_what_a_killed_one_wrote_aside_or_had_yet_to_remove
     assert {step: names for step, names in leftovers.items() if names} == {}
 
 
-def test_what_a_killed_run_wrote_aside_does_no_harm() -> None:
-    folder_of("bare", "Rpm")
-    for place in (PACKAGE / ".msggen-stage", PACKAGE.parent / f".{PACKAGE.name}.msggen-stage"):
-        with staging_folder("stage"):
-            shutil.copytree("stage", place)
-        write_definitions(place, {"new/0": "half a fi"})
-    assert build("-q", "--msg-dir", "bare") == 0
-    build("-q", "--msg-dir", "bare", "-o", "fresh")
-    assert content(Path("generated")) == content(Path("fresh"))
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_killed_build_leaves_no_half_written_depfile_and_the_next_run_no_leftover() -> None:
@@ -918,7 +833,7 @@ def test_a_killed_build_leaves_no_half_written_depfile_and_the_next_run_no_lefto
     expected, listing = Path("made/types.d").read_bytes(), os.listdir("made")
     for step in itertools.count():
         Path("made/types.d").unlink()
-        if not build_killed_at(step, *arguments):
+        if not dies_at(step, lambda: build(*arguments)):
             break
         assert not Path("made/types.d").exists() or Path("made/types.d").read_bytes() == expected
         assert build(*arguments) == 0
@@ -976,13 +891,6 @@ def test_a_tree_may_be_named_in_any_way(name: str, tmp_path: Path) -> None:
     assert content(Path("plain")) == content(Path("other"))
 
 
-def test_archived_versions_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    firmware()
-    write_definitions(Path("firmware/msg/px4_msgs_old/msg"), {"VehicleStatusV0.msg": definition("VehicleStatus")})
-    package = built(monkeypatch, "--px4", "firmware")
-    assert not hasattr(package, "VehicleStatusV0")
-
-
 def test_hidden_files_and_files_of_other_kinds_are_left_out() -> None:
     folder_of("bare", "Rpm")
     write_definitions(Path("bare"), {".#Rpm.msg": "?", "Rpm.msg~": "?", "Rpm.msg.orig": "?", "CMakeLists.txt": "?"})
@@ -998,34 +906,6 @@ def conventions(package: Any) -> tuple[str, int]:
 V1_14 = ("rt/fmu/out/vehicle_status", 1000)
 V1_15 = ("rt/fmu/out/vehicle_status", 2048)
 V1_16 = ("rt/fmu/out/vehicle_status_v4", 2048)
-
-
-@pytest.mark.parametrize(
-    ("versioned", "more", "expected"),
-    [
-        ("", [], V1_14),
-        ("", ["RegisterExtComponentRequest"], V1_15),
-        ("versioned/", ["RegisterExtComponentRequest"], V1_16),
-    ],
-    ids=["v1.14", "v1.15", "v1.16"],
-)
-def test_a_release_is_recognised(
-    versioned: str, more: list[str], expected: tuple[str, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tree = firmware(versioned=versioned)
-    folder_of(str(tree / "msg" / versioned), *more)
-    assert conventions(built(monkeypatch, "--px4", tree)) == expected
-
-
-@by_day(
-    ("release", "expected"),
-    [("v1.14", V1_14), ("v1.17", V1_16), ("v1.15", V1_15), ("v1.18", V1_16), ("v1.16", V1_16), ("main", V1_16)],
-    2,
-)
-def test_a_release_given_overrules_what_the_tree_looks_like(
-    release: str, expected: tuple[str, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert conventions(built(monkeypatch, "--px4", firmware(), "--release", release)) == expected
 
 
 def test_another_release_makes_a_package_stale() -> None:
@@ -1183,28 +1063,6 @@ def test_a_real_tree_gives_all_messages_but_the_archived(release: str, messages:
 
 
 # --- Concurrent builds and invalid values
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_builds_at_the_same_time_leave_the_package_of_one_of_them() -> None:
-    """Runs on one folder wait for each other: the files and the record come from one run, and none are left over."""
-    stamp = "uint64 timestamp\n"
-    few = {"msg/Lamp.msg": stamp}
-    many = {**few, "msg/Fan.msg": stamp, "srv/Ask.srv": "bool a\n---\nbool b\n"}
-    write_definitions(Path("few"), few)
-    write_definitions(Path("many"), many)
-    for name in ("few", "many"):
-        build("-q", "--px4", name, "-o", f"only_{name}")
-    for _ in some(range(5), 3):
-        children = []
-        for name in ("few", "many", "few", "many"):
-            child = os.fork()
-            if child == 0:
-                os._exit(build("-q", "--px4", name, "-o", "out"))
-            children.append(child)
-        assert [os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children] == [0, 0, 0, 0]
-        assert content(Path("out")) in (content(Path("only_few")), content(Path("only_many")))
 
 
 @pytest.mark.parametrize(

@@ -416,18 +416,6 @@ def test_a_message_may_be_named_by_its_file(firmware: Path, name: str) -> None:
     assert (firmware / STATUS_V1).exists()
 
 
-@pytest.mark.usefixtures("edited")
-def test_a_setting_that_leads_nowhere_is_told_where_it_stands(
-    firmware: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "pyproject.toml").write_text('[tool.msggen]\npx4 = "PX4-Autopilt"\n')
-    monkeypatch.chdir(tmp_path)
-    assert bump("VehicleStatus") == FAILED
-    told = "pyproject.toml:2:1: S101 'PX4-Autopilt': no such folder, did you mean 'PX4-Autopilot'?\n"
-    assert capsys.readouterr().err.startswith(told)
-    assert bump("VehicleStatus", "--px4", str(firmware)) == DONE
-
-
 def test_ros_names_files_of_capitals_in_a_row_its_own_way() -> None:
     names = ["VehicleStatus", "TrajectorySetpoint6dof", "VehicleStatusV1", "GPSDump", "Px4ioStatus"]
     expected = ["vehicle_status", "trajectory_setpoint6dof", "vehicle_status_v1", "gps_dump", "px4io_status"]

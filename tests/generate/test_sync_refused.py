@@ -590,17 +590,6 @@ def test_an_empty_folder_may_be_a_submodule(capsys: pytest.CaptureFixture[str]) 
         assert capsys.readouterr().err.startswith(text)
 
 
-def test_a_hook_of_another_repository_does_not_mislead(monkeypatch: pytest.MonkeyPatch) -> None:
-    firmware()
-    package()
-    uncommitted_edit()
-    edit_firmware()
-    Path("other").mkdir()
-    git(Path("other"), "init", "-q")
-    monkeypatch.setenv("GIT_DIR", str(Path("other/.git").resolve()))
-    assert sync(*SYNC) == 2
-
-
 def test_a_file_keeps_its_mode() -> None:
     firmware()
     package()

@@ -17,9 +17,9 @@ from msggen import recordings
 from msggen.base.diagnostics import InputError
 from msggen.cli import main
 from msggen.exports.pictures import PICTURES
-from msggen.mcp.answers import LONGEST, answer
 from msggen.mcp.definitions import Definitions
 from msggen.mcp.places import Places
+from msggen.mcp.server import LONGEST, answer
 from support.assistant import call, error, image, server, text, told
 from support.catalogs import write_definitions
 from support.lazy import Lazy

@@ -1,4 +1,4 @@
-"""Tests of rosbag2's databases: by pages, by statements, and by rosbags."""
+"""Tests of rosbag2's databases: by this reader, and by rosbags."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from fuzz.runner import limited
-from msggen import recordings
 from msggen.recordings.files.rosbag2 import sqlite
 from msggen.recordings.files.rosbag2.reader import Db3File
 from msggen.recordings.files.rosbag2.sqlite_pages import Pages
@@ -56,20 +55,15 @@ def read_rosbags(path: Path) -> dict[str, list[Sample]]:
     return dict(found)
 
 
-def both(path: Path) -> tuple[Db3File, Db3File]:
-    """Return a file that is read by its pages, and by statements."""
-    return Db3File(str(path)), Db3File(str(path), by_statements=True)
-
-
 def check(path: Path, expected: dict[str, list[Sample]]) -> None:
-    """Check that all readers find these samples, and nothing wrong."""
-    for source in both(path):
-        assert samples_of(source) == expected
-        assert source.problems == []
-        times = source.times(source.channels)
-        for number, channel in source.channels.items():
-            assert times[number].tolist() == [time for time, _ in expected.get(channel.topic, ())]
-        source.close()
+    """Check that this reader and rosbags find these samples, and nothing wrong."""
+    source = Db3File(str(path))
+    assert samples_of(source) == expected
+    assert source.problems == []
+    times = source.times(source.channels)
+    for number, channel in source.channels.items():
+        assert times[number].tolist() == [time for time, _ in expected.get(channel.topic, ())]
+    source.close()
     assert read_rosbags(path) == expected
 
 
@@ -77,8 +71,8 @@ def check(path: Path, expected: dict[str, list[Sample]]) -> None:
 def test_all_readers_find_the_same_samples(page_size: int, tmp_path: Path) -> None:
     rows = rows_of(700, page_size, largest=3 * page_size)
     path = write_database(tmp_path / "a b#%?.db3", TOPICS, rows, page_size=page_size)
-    for source in both(path):
-        assert samples_of(source) == expected_of(TOPICS, rows)
+    source = Db3File(str(path))
+    assert samples_of(source) == expected_of(TOPICS, rows)
     plain = write_database(tmp_path / "plain.db3", TOPICS, rows, page_size=page_size)  # rosbags does not quote paths
     check(plain, expected_of(TOPICS, rows))
 
@@ -107,10 +101,10 @@ def test_deleted_rows_are_not_read(page_size: int, auto_vacuum: int, seed: int, 
         stored = base.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id").fetchall()
         base.close()
         expected = expected_of(TOPICS, stored)
-        for source in both(path):
-            assert samples_of(source) == expected
-            assert source.problems == []
-            source.close()
+        source = Db3File(str(path))
+        assert samples_of(source) == expected
+        assert source.problems == []
+        source.close()
 
 
 @given(st.lists(st.integers(-(1 << 62), 1 << 62), min_size=1, max_size=30))
@@ -121,10 +115,10 @@ def test_integers_of_all_widths_are_read(times: list[int]) -> None:
     rows = [(topics[index % 6].number, time, b"") for index, time in enumerate(times)]
     with scratch_folder() as folder:
         path = write_database(folder / "x.db3", topics, rows)
-        for source in both(path):
-            assert samples_of(source) == expected_of(topics, rows)
-            assert source.span == (min(times), max(times))
-            source.close()
+        source = Db3File(str(path))
+        assert samples_of(source) == expected_of(topics, rows)
+        assert source.span == (min(times), max(times))
+        source.close()
 
 
 @settings(max_examples=examples(30))
@@ -136,10 +130,10 @@ def test_times_limit_what_is_read(seed: int, first: int, last: int, is_shuffled:
     start, stop = START + first * 1_000_000, START + last * 1_000_000 + 1
     with scratch_folder() as folder:
         path = write_database(folder / "x.db3", TOPICS, rows, page_size=512)
-        for source in both(path):
-            expected = expected_of(TOPICS, [row for row in rows if start <= row[1] < stop])
-            assert samples_of(source, start, stop) == expected
-            source.close()
+        source = Db3File(str(path))
+        expected = expected_of(TOPICS, [row for row in rows if start <= row[1] < stop])
+        assert samples_of(source, start, stop) == expected
+        source.close()
 
 
 def test_a_span_of_time_reads_few_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,89 +184,67 @@ def test_send_times_are_publish_times(tmp_path: Path) -> None:
     base.executemany("INSERT INTO messages VALUES (?, 1, ?, ?, ?)", rows)
     base.commit()
     base.close()
-    for source in both(tmp_path / "x.db3"):
-        (part,) = source.parts([1], START + 10)
-        assert part.log_times.tolist() == [row[1] for row in rows[10:]]
-        assert part.publish_times is not None
-        assert part.publish_times.tolist() == [row[2] for row in rows[10:]]
+    source = Db3File(str(tmp_path / "x.db3"))
+    (part,) = source.parts([1], START + 10)
+    assert part.log_times.tolist() == [row[1] for row in rows[10:]]
+    assert part.publish_times is not None
+    assert part.publish_times.tolist() == [row[2] for row in rows[10:]]
 
 
 @pytest.mark.parametrize(
     "messages",
     [
         'CREATE TABLE "messages"("id" INTEGER PRIMARY KEY, [topic_id] INTEGER, `timestamp` INTEGER, data BLOB)',
-        "CREATE TABLE messages(data BLOB, id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER)",
-        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER CHECK (topic_id > 0), timestamp INTEGER, data)",
-        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, -- the topic\n timestamp INTEGER, data BLOB)",
-        "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB, PRIMARY KEY (id))",
         "CREATE TABLE messages(topic_id INTEGER, timestamp INTEGER, data BLOB)",
     ],
 )
-def test_unusual_tables_are_read(messages: str, tmp_path: Path) -> None:
+def test_other_spellings_of_the_table_are_read(messages: str, tmp_path: Path) -> None:
     rows = rows_of(200, 2, 9000)
-    path = write_database(tmp_path / "x.db3", TOPICS, rows, messages=messages)
-    for source in both(path):
-        assert samples_of(source) == expected_of(TOPICS, rows)
-        assert samples_of(source, START + 100_000_000) == expected_of(TOPICS, rows[100:])
-        assert source.problems == []
+    source = Db3File(str(write_database(tmp_path / "x.db3", TOPICS, rows, messages=messages)))
+    assert samples_of(source) == expected_of(TOPICS, rows)
+    assert samples_of(source, START + 100_000_000) == expected_of(TOPICS, rows[100:])
+    assert source.problems == []
 
 
-def test_tables_without_rowids_are_reported(tmp_path: Path) -> None:
-    messages = f"CREATE TABLE messages({MESSAGES}) WITHOUT ROWID"
-    base = open_database(tmp_path / "x.db3", TOPICS, messages=messages)
-    base.execute("INSERT INTO messages VALUES (1, 1, 1, x'00')")
-    base.close()
-    source = Db3File(str(tmp_path / "x.db3"))
-    assert samples_of(source) == {}
-    assert "sqlite3 cannot read further" in source.problems[0].text
-
-
-@pytest.mark.parametrize("column", ["data", "topic_id", "other"])
-@pytest.mark.parametrize("has_limits", [True, False])
-def test_computed_columns_are_not_read(
-    column: str,
-    has_limits: bool,  # noqa: FBT001 - a parameter
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Each row of a small file would have any size."""
-    columns = ["topic_id INTEGER", "timestamp INTEGER", "data BLOB", "other BLOB"]
-    columns = [f"{each} AS (zeroblob(900000000)) VIRTUAL" if column in each else each for each in columns]
-    stored = ", ".join(each.split()[0] for each in columns if "VIRTUAL" not in each)
-    path = tmp_path / "x.db3"
-    base = open_database(path, TOPICS, messages=f"CREATE TABLE messages({', '.join(columns)})")
-    base.execute(f"INSERT INTO messages ({stored}) VALUES (1, 2, 3)")  # noqa: S608 - known columns
-    base.close()
-    if not has_limits:  # as in Python 3.10
-        monkeypatch.setattr(sqlite, "hasattr", lambda *_: False, raising=False)
-    with limited(), recordings.open(path) as log:
-        assert log.load() == {} or not any(map(len, log.load().values()))
-        problem = f"sqlite3 cannot read further: the column '{column}' of messages is computed"
-        assert problem in [each.text for each in log.problems]
+@pytest.mark.parametrize(
+    "messages",
+    [
+        "(data BLOB, id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER)",
+        "(id INTEGER PRIMARY KEY, topic_id INTEGER CHECK (topic_id > 0), timestamp INTEGER, data)",
+        "(id INTEGER PRIMARY KEY, topic_id INTEGER, -- the topic\n timestamp INTEGER, data BLOB)",
+        "(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB, PRIMARY KEY (id))",
+        f"({MESSAGES}) WITHOUT ROWID",
+        "(topic_id INTEGER, timestamp INTEGER, data BLOB AS (zeroblob(900000000)) VIRTUAL)",
+    ],
+)
+def test_unusual_tables_are_errors(messages: str, tmp_path: Path) -> None:
+    open_database(tmp_path / "x.db3", TOPICS, messages=f"CREATE TABLE messages{messages}").close()
+    with pytest.raises(RecordingError, match="unusual table 'messages'"):
+        Db3File(str(tmp_path / "x.db3"))
 
 
 def test_a_statement_without_end_is_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_database(tmp_path / "x.db3", TOPICS, rows_of(20, 1))
-    with sqlite.Statements(str(path))._opened() as base, limited(), pytest.raises(sqlite3.OperationalError):
-        base.execute("WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) SELECT max(x) FROM r").fetchall()
+    query = "WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) SELECT max(x) FROM r"
+    with limited(), pytest.raises(sqlite3.OperationalError):
+        sqlite.Statements(str(path))._rows_of(query)
     monkeypatch.setattr(sqlite, "_STEPS_PER_BYTE", 0)
     monkeypatch.setattr(sqlite, "_LEAST_STEPS", 0)
-    source = Db3File(str(path), by_statements=True)
-    assert source.problems == []  # few rows take few steps
+    assert Db3File(str(path)).problems == []  # few rows take few steps
 
 
 def test_messages_of_unknown_topics_are_counted(tmp_path: Path) -> None:
     rows = [(number, START + number, b"x") for number in (0, 1, 2, 3, 299, 300, 301, 70_001)]
     path = write_database(tmp_path / "x.db3", TOPICS, rows)
-    for source in both(path):
-        assert samples_of(source) == expected_of(TOPICS, [row for row in rows if row[0] in (1, 2, 300)])
-        assert sum(problem.samples for problem in source.problems) == 5
-        assert {number: len(times) for number, times in source.times(source.channels).items()} == {
-            1: 1,
-            2: 1,
-            300: 1,
-            70_000: 0,
-        }
+    source = Db3File(str(path))
+    assert samples_of(source) == expected_of(TOPICS, [row for row in rows if row[0] in (1, 2, 300)])
+    assert sum(problem.samples for problem in source.problems) == 5
+    assert {number: len(times) for number, times in source.times(source.channels).items()} == {
+        1: 1,
+        2: 1,
+        300: 1,
+        70_000: 0,
+    }
 
 
 # logs of transactions
@@ -314,12 +286,11 @@ def test_a_write_ahead_log_is_read(
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
-    sources = both(bag / "x.db3")
-    assert len(list(temporary.iterdir())) == len(sources)
-    for source in sources:
-        assert samples_of(source) == expected_of(TOPICS, rows)
-        assert "was not closed" in source.problems[0].text
-        source.close()
+    source = Db3File(str(bag / "x.db3"))
+    assert len(list(temporary.iterdir())) == 1
+    assert samples_of(source) == expected_of(TOPICS, rows)
+    assert "was not closed" in source.problems[0].text
+    source.close()
     assert not list(temporary.iterdir())
     assert content_of(bag) == before
     bag.chmod(0o755)
@@ -340,9 +311,9 @@ def test_a_transaction_that_did_not_end_is_taken_back(tmp_path: Path) -> None:
     base.close()
     assert (bag / "x.db3").read_bytes() != path.read_bytes()
     before = content_of(bag)
-    for source in both(bag / "x.db3"):
-        assert samples_of(source) == expected_of(TOPICS, rows)
-        source.close()
+    source = Db3File(str(bag / "x.db3"))
+    assert samples_of(source) == expected_of(TOPICS, rows)
+    source.close()
     assert content_of(bag) == before
 
 
@@ -465,7 +436,7 @@ def check_mutations(folder: Path, count: int, seed: int) -> tuple[int, int, int]
     for _ in range(count):
         path.write_bytes(mutated(chance, data))
         try:
-            source = Db3File(str(path), by_statements=chance.random() < 0.1)
+            source = Db3File(str(path))
         except RecordingError:
             refused += 1
             continue

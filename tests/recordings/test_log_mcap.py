@@ -338,14 +338,6 @@ def test_a_damage_between_messages_costs_only_those(px4_types: Any, tmp_path: Pa
         assert any(problem.offset == place and problem.size == 31 + len(payload) for problem in log.problems)
 
 
-def chunks_in(path: Path) -> list[Any]:
-    """Return the index of the chunks of a file, as the package mcap reads it."""
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    return summary.chunk_indexes
-
-
 def test_a_damaged_upper_byte_of_a_length_costs_nothing(px4_types: Any, tmp_path: Path) -> None:
     """No record has a length of 2^56 bytes, and the next record is where the other bytes tell."""
     data = bytearray(recording(px4_types, 60, 5, **WAYS["without-chunks"]))

@@ -12,14 +12,14 @@ import pytest
 from msggen import recordings
 from msggen.base.location import Location
 from msggen.definitions.identity import message_hash
-from msggen.recordings import Log, RecordingError
+from msggen.recordings import RecordingError
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED, Releases
 from msggen.sources.finding import find_sources, with_archived
-from msggen.sources.released import released_as
+from msggen.sources.released import embedded
 from support.catalogs import catalog_of, import_package
 from support.examples import by_day
-from support.log_files import Written, definition_in, write_log
+from support.log_files import Written, definition_in, opened
 from support.written import write_recording
 
 START = 1_790_000_000_000_000_000
@@ -45,10 +45,6 @@ def written(cls: Any, topic: str, payloads: list[bytes], **options: Any) -> Writ
     info = cls.__msg__
     samples = [(START + number * 10**9, START, payload) for number, payload in enumerate(payloads)]
     return Written(topic, info.ros_type, info.definition, samples, **options)
-
-
-def opened(folder: Path, *topics: Written, **options: Any) -> Log:
-    return recordings.open(write_log(folder / "flight.mcap", topics, **options))
 
 
 @pytest.mark.parametrize("name", ["VehicleOdometry", "EscStatus", "SensorGps", "VehicleStatus"])
@@ -200,7 +196,7 @@ def test_topics_are_compared_by_the_rules_of_check(px4_types: Any, release: str,
         found = {each.topic.name[1:]: each for each in log.compare(px4_types)}
     assert found.keys() == set(names)
     for name in names:
-        released = released_as(Releases(), release, name)
+        released = embedded(release, name)
         assert released is not None
         info, each = getattr(px4_types, name).__msg__, found[name]
         assert each.is_same == (message_hash(*released) == info.message_hash)

@@ -9,7 +9,7 @@ import struct
 import subprocess
 import sys
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,25 +25,8 @@ from msggen.recordings import Log, RecordingError, offset_between
 from msggen.recordings.decode.left_out import LeftOut, leave_out
 from support.catalogs import catalog_of, import_package
 from support.databases import Stored, write_database
-from support.log_files import Written, write_log
+from support.log_files import FOO, START, TYPE, Written, foo, foos, opened, write_log
 from support.ulog import COUNT, UlogWriter, write_ulog
-
-START = 10**18
-TYPE = "our_msgs/msg/Foo"
-FOO = "uint64 timestamp\nfloat32 x\n"
-
-
-def foo(time: int, x: float = 0.0) -> bytes:
-    return b"\0\1\0\0" + struct.pack("<Qf", time, x)
-
-
-def written(topic: str, times: Sequence[int], definition: str = FOO) -> Written:
-    """Return a topic with samples at times in ms."""
-    return Written(topic, TYPE, definition, [(START + time * 10**6, START, foo(time)) for time in times])
-
-
-def opened(folder: Path, *topics: Written, **options: Any) -> Log:
-    return recordings.open(write_log(folder / "flight.mcap", topics, **options))
 
 
 @pytest.fixture
@@ -59,7 +42,7 @@ def every_format(folder: Path) -> dict[str, Path]:
     stored = [(1, START + number, foo(number)) for number in range(9)]
     return {
         "ulog": folder / "flight.ulg",
-        "mcap": write_log(folder / "flight.mcap", [written("/a", range(3000))], chunk_size=4096),
+        "mcap": write_log(folder / "flight.mcap", [foos("/a", range(3000))], chunk_size=4096),
         "db3": write_database(folder / "flight.db3", [Stored(1, "/a", TYPE, FOO)], stored),
     }
 
@@ -154,7 +137,7 @@ def test_reading_a_closed_log_is_an_error(kind: str, tmp_path: Path) -> None:
 
 
 def test_the_definitions_of_a_closed_log_are_not_searched(tmp_path: Path) -> None:
-    with opened(tmp_path, written("/a", [1], "")) as log:
+    with opened(tmp_path, foos("/a", [1], "")) as log:
         pass
     with pytest.raises(RecordingError, match=r"flight\.mcap is closed"):
         assert log.topics
@@ -176,14 +159,14 @@ def test_an_iteration_over_a_log_that_is_closed_ends_with_an_error(kind: str, na
 
 def test_zero_is_before_all_samples(tmp_path: Path) -> None:
     """Windows that follow one another have every sample once."""
-    with opened(tmp_path, written("/a", [0, 999, 1000, 1001, 2500])) as log:
+    with opened(tmp_path, foos("/a", [0, 999, 1000, 1001, 2500])) as log:
         assert [len(log.samples("/a", start=start, stop=start + 1)) for start in (0, 1, 2)] == [2, 2, 1]
         assert len(log.samples("/a", start=0)) == len(log["/a"])
 
 
 @pytest.mark.parametrize("start", [START, 2_000_000_000, 1.79e9, float("inf")])
 def test_a_start_in_another_unit_is_refused(tmp_path: Path, start: float) -> None:
-    with opened(tmp_path, written("/a", [0, 4000])) as log:
+    with opened(tmp_path, foos("/a", [0, 4000])) as log:
         for read in (log.load, log.columns, lambda **options: list(log.payloads(**options))):
             with pytest.raises(
                 RecordingError, match=r"expected a time in s after the start.* the recording lasts 4.000 s"
@@ -203,7 +186,7 @@ def test_times_far_apart_are_not_cut_off(tmp_path: Path) -> None:
 
 def test_partners_are_found_whatever_their_log_times_are(tmp_path: Path) -> None:
     """The second topic is recorded half a second later than the first one."""
-    first = written("/a", range(0, 10_000, 100))
+    first = foos("/a", range(0, 10_000, 100))
     first.samples = [(time, other, foo((time - START) // 1000)) for time, other, _ in first.samples]
     second = Written("/b", TYPE, FOO, [(time + 500_000_000, other, data) for time, other, data in first.samples])
     with opened(tmp_path, first, second) as log:
@@ -219,9 +202,9 @@ def test_partners_are_found_whatever_their_log_times_are(tmp_path: Path) -> None
 
 def test_gaps_between_bursts(tmp_path: Path) -> None:
     bursts = [time for time in [*range(0, 100, 10), *range(300, 400, 10)] for _ in range(3)]
-    with opened(tmp_path, written("/a", bursts)) as log:
+    with opened(tmp_path, foos("/a", bursts)) as log:
         assert [(begin - START, end - START) for begin, end in log.topics[0].gaps] == [(90_000_000, 300_000_000)]
-    with opened(tmp_path, written("/a", [5] * 9)) as log:
+    with opened(tmp_path, foos("/a", [5] * 9)) as log:
         assert log.topics[0].gaps == []
 
 
@@ -282,7 +265,7 @@ def test_columns_are_in_the_order_of_fields(ulog: Log) -> None:
 
 
 def test_times_are_columns_if_asked_for(ulog: Log, tmp_path: Path) -> None:
-    with opened(tmp_path, written("/a", range(5)), Written("/b", TYPE, "float32 log_time\n")) as log:
+    with opened(tmp_path, foos("/a", range(5)), Written("/b", TYPE, "float32 log_time\n")) as log:
         samples, table = log.samples("/a"), log.table("/a", times=True)
         assert samples.publish_times is not None
         columns = log.columns("/a", times=True)
@@ -338,7 +321,7 @@ def test_an_unknown_field_is_told_before_samples_are_read(ulog: Log, monkeypatch
 
 
 def test_a_topic_called_time_can_be_aligned(tmp_path: Path) -> None:
-    with opened(tmp_path, written("/time", range(3)), written("/b", range(3))) as log:
+    with opened(tmp_path, foos("/time", range(3)), foos("/b", range(3))) as log:
         aligned = log.align("/time", "/b", tolerance=1)
         assert aligned.array.dtype.names == ("time", "time_", "b")
         assert list(aligned.columns()) == ["time", "time_.timestamp", "time_.x", "b.timestamp", "b.x"]
@@ -358,7 +341,7 @@ def test_the_public_names_are_listed() -> None:
 
 @pytest.mark.parametrize("package", ["numpy", "zstandard"])
 def test_a_missing_package_names_the_extra(package: str, tmp_path: Path) -> None:
-    path = write_log(tmp_path / "flight.mcap", [written("/a", [1])])
+    path = write_log(tmp_path / "flight.mcap", [foos("/a", [1])])
     code = (
         f"import sys; sys.modules[{package!r}] = None\n"
         f"from msggen import recordings\nrecordings.open({str(path)!r})['/a']"

@@ -11,8 +11,8 @@ from msggen.definitions.identity import message_hash, type_hash
 from msggen.messages.firmware import releases
 from msggen.recordings.definitions.release import Release, release_of
 from msggen.recordings.log.origin import firmware_of
-from msggen.sources.embedded import EMBEDDED, Releases
-from msggen.sources.released import released_as
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.released import embedded
 from support.log_files import Written, definition_in, write_log
 
 
@@ -46,7 +46,7 @@ def test_a_recording_is_from_the_release_that_has_all_its_definitions(release: s
 def test_type_hashes_are_enough(tmp_path: Path) -> None:
     topics = []
     for name, message in bridged("v1.16"):
-        found = released_as(Releases(), "v1.16", message)
+        found = embedded("v1.16", message)
         assert found is not None
         topics.append(Written(name, f"px4_msgs/msg/{message}", "", metadata={"topic_type_hash": type_hash(*found)}))
     assert firmware(tmp_path, topics).releases == ("v1.16",)
@@ -70,9 +70,7 @@ def test_other_definitions_are_told(tmp_path: Path) -> None:
 def test_a_definition_of_several_releases_is_of_all_of_them(tmp_path: Path) -> None:
     topics = [Written("/fmu/out/wind", "px4_msgs/msg/Wind", definition_in("v1.17", "Wind"))]
     found = firmware(tmp_path, topics)
-    hashes = {
-        release: message_hash(*known) for release in EMBEDDED if (known := released_as(Releases(), release, "Wind"))
-    }
+    hashes = {release: message_hash(*known) for release in EMBEDDED if (known := embedded(release, "Wind"))}
     same = [release for release, number in hashes.items() if number == hashes["v1.17"]]
     assert len(found.releases) > 1
     assert list(found.releases) == same

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,28 +17,11 @@ from msggen.exports.convert import convert
 from msggen.exports.player import endpoints_of
 from msggen.recordings import Log, RecordingError
 from msggen.recordings.topics.choice import Choice
-from support.log_files import Written, write_log
+from support.log_files import START, TYPE, Written, foos, opened, write_log
 from support.scratch import scratch_folder
 from support.ulog import write_ulog
 
-START = 10**18
-TYPE = "our_msgs/msg/Foo"
-FOO = "uint64 timestamp\nfloat32 x\n"
 NO_HASH = f"RIHS01_{'0' * 64}"
-
-
-def foo(time: int, x: float = 0.0) -> bytes:
-    return b"\0\1\0\0" + struct.pack("<Qf", time, x)
-
-
-def written(topic: str, values: range, definition: str = FOO, **options: Any) -> Written:
-    """Return a topic with a sample for each value, in ms."""
-    samples = [(START + value * 10**6, START, foo(value, float(value))) for value in values]
-    return Written(topic, TYPE, definition, samples, **options)
-
-
-def opened(folder: Path, *topics: Written) -> Log:
-    return recordings.open(write_log(folder / "flight.mcap", topics))
 
 
 def write_bag(folder: Path, *files: Written) -> Path:
@@ -65,7 +47,7 @@ def spellings(draw: st.DrawFn) -> str:
 
 @given(st.lists(spellings(), min_size=1, max_size=4))
 def test_comments_and_constants_do_not_split_a_topic(definitions: list[str]) -> None:
-    parts = [written("/fmu/out/foo", range(number, 20, 4), text) for number, text in enumerate(definitions)]
+    parts = [foos("/fmu/out/foo", range(number, 20, 4), text) for number, text in enumerate(definitions)]
     with scratch_folder() as folder, opened(folder, *parts) as log:
         assert log.keys() == ["/fmu/out/foo"]
         assert sorted(log["foo"]["timestamp"]) == sorted(
@@ -76,7 +58,7 @@ def test_comments_and_constants_do_not_split_a_topic(definitions: list[str]) -> 
 
 def test_a_topic_with_several_definitions_is_never_read_in_part(tmp_path: Path) -> None:
     other = Written("/a", TYPE, "uint64 timestamp\n", [(START + 1, START, b"\0\1\0\0" + bytes(8))])
-    with opened(tmp_path, written("/a", range(3)), other) as log:
+    with opened(tmp_path, foos("/a", range(3)), other) as log:
         assert log.keys() == ["/a#1", "/a#2"]
         assert [len(log[key]) for key in log] == [3, 1]
         for name in ("/a", "a", "Foo"):
@@ -105,7 +87,7 @@ def test_the_first_definition_of_a_topic_is_played(px4_types: Any, tmp_path: Pat
 
 
 def test_a_missing_definition_is_taken_from_another_file(tmp_path: Path) -> None:
-    folder = write_bag(tmp_path / "bag", written("/a", range(3)), written("/a", range(3, 5), ""))
+    folder = write_bag(tmp_path / "bag", foos("/a", range(3)), foos("/a", range(3, 5), ""))
     with recordings.open(folder) as log:
         (topic,) = log.topics
         assert (topic.name, topic.count, topic.is_lent) == ("/a", 5, False)
@@ -116,7 +98,7 @@ def test_a_missing_definition_is_taken_from_another_file(tmp_path: Path) -> None
 
 def test_a_definition_that_does_not_fit_is_not_taken(tmp_path: Path) -> None:
     short = Written("/a", TYPE, "", [(START, START, b"\0\1\0\0" + bytes(4))])
-    folder = write_bag(tmp_path / "bag", written("/a", range(3)), short)
+    folder = write_bag(tmp_path / "bag", foos("/a", range(3)), short)
     with recordings.open(folder) as log:
         assert log["/a"]["timestamp"].tolist() == [0, 1, 2]
         problems = [(each.text, each.samples) for each in log.problems if each.samples]
@@ -125,8 +107,8 @@ def test_a_definition_that_does_not_fit_is_not_taken(tmp_path: Path) -> None:
 
 def test_a_channel_in_another_encoding_is_left_out_and_counted(tmp_path: Path) -> None:
     """The other samples of its topic, and the other topics, are read."""
-    odd = [written("/a", range(3, 5), encoding="json"), written("/b", range(1), encoding="json")]
-    with opened(tmp_path, *odd, written("/a", range(3)), written("/c", range(2))) as log:
+    odd = [foos("/a", range(3, 5), encoding="json"), foos("/b", range(1), encoding="json")]
+    with opened(tmp_path, *odd, foos("/a", range(3)), foos("/c", range(2))) as log:
         loaded = log.load()
         assert {key: samples.array["timestamp"].tolist() for key, samples in loaded.items()} == {
             "/a": [0, 1, 2],
@@ -170,7 +152,7 @@ def test_an_empty_message_is_decoded(tmp_path: Path) -> None:
 
 
 def test_a_definition_in_another_format_is_the_reason(tmp_path: Path) -> None:
-    idl = written("/a", range(2), "module our_msgs {};", format="ros2idl")
+    idl = foos("/a", range(2), "module our_msgs {};", format="ros2idl")
     with opened(tmp_path, idl) as log:
         with pytest.raises(
             RecordingError, match="/a cannot be decoded: its definition is in 'ros2idl', expected ros2msg"
@@ -187,8 +169,8 @@ def test_a_definition_in_another_format_is_the_reason(tmp_path: Path) -> None:
 @pytest.fixture
 def ros(tmp_path: Path) -> Iterator[Log]:
     """Two instances of a topic, as ROS 2 has them."""
-    topics = [written(f"/uav/fmu/out/foo{end}", range(number + 1)) for number, end in enumerate(("", "_1", "_2_v3"))]
-    with opened(tmp_path, *topics, written("/fmu/out/foo_groundtruth", range(9))) as log:
+    topics = [foos(f"/uav/fmu/out/foo{end}", range(number + 1)) for number, end in enumerate(("", "_1", "_2_v3"))]
+    with opened(tmp_path, *topics, foos("/fmu/out/foo_groundtruth", range(9))) as log:
         yield log
 
 
@@ -259,11 +241,11 @@ def test_messages_take_the_instance(px4_types: Any, tmp_path: Path) -> None:
 
 def test_a_topic_of_another_log_stands_for_its_name(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
-    topics = [written("/a", range(2)), written("/b", range(3))]
+    topics = [foos("/a", range(2)), foos("/b", range(3))]
     with opened(tmp_path, *topics) as one, opened(tmp_path / "b", *topics[::-1]) as other:
         for name in ("/a", "/b"):
             assert other.samples(one.topic(name)).array.tobytes() == one[name].tobytes()
-    with opened(tmp_path, written("/a", range(2))) as log:
+    with opened(tmp_path, foos("/a", range(2))) as log:
         with pytest.raises(RecordingError, match="there is no topic '/b' here"):
             log.samples(one.topic("/b"))
         for read in (log.load, log.chosen):
@@ -272,10 +254,10 @@ def test_a_topic_of_another_log_stands_for_its_name(tmp_path: Path) -> None:
 
 
 def test_the_topic_named_after_its_message_is_preferred(tmp_path: Path) -> None:
-    with opened(tmp_path, written("/foo_groundtruth", range(9)), written("/foo", range(2))) as log:
+    with opened(tmp_path, foos("/foo_groundtruth", range(9)), foos("/foo", range(2))) as log:
         assert len(log["Foo"]) == len(log[TYPE]) == 2
     with (
-        opened(tmp_path, written("/one", range(9)), written("/two", range(2))) as log,
+        opened(tmp_path, foos("/one", range(9)), foos("/two", range(2))) as log,
         pytest.raises(RecordingError, match="'Foo' is the name of several topics: /one, /two"),
     ):
         log.samples("Foo")

@@ -13,7 +13,6 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.decode.schemas import read_schema
-from msggen.recordings.files.ulog.formats import Formats
 from msggen.recordings.files.ulog.names import MESSAGES
 from msggen.recordings.log.origin import release_text
 from msggen.recordings.source.facts import Dropout, Text
@@ -396,23 +395,6 @@ def test_utc_comes_from_the_start_of_the_vehicle_first(tmp_path: Path) -> None:
 )
 def test_releases(number: int, release: str) -> None:
     assert release_text(number) == release
-
-
-def test_kept_formats_say_what_formats_say_that_are_read_anew(px4_types: Any) -> None:
-    formats = Formats()
-    texts: dict[str, str] = {}
-    for name in px4_types.msg.__all__:
-        info = getattr(px4_types, name).__msg__
-        texts |= formats_of(info.ros_type, info.definition)
-    for name, fields in texts.items():
-        formats.add(f"{name}:{fields}")
-    for name in texts:
-        for _ in range(2):
-            assert formats.described(name)[:3] == (
-                formats.ros_type(name),
-                formats.definition(name),
-                formats.layout(name),
-            )
 
 
 def test_another_log_has_its_own_formats(tmp_path: Path) -> None:

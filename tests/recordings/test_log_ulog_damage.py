@@ -129,17 +129,6 @@ def test_samples_beside_a_damage_are_kept_though_their_topics_are_named_late(see
                 assert {time_in(each) for each in samples if each.stop <= low or each.start >= high} <= kept_times(log)
 
 
-def test_every_cut_keeps_what_is_before_it(whole: bytes, tmp_path: Path) -> None:
-    messages = [message for message in messages_in(whole) if message.kind == ord("D")]
-    for stop in range(len(whole) - 300, len(whole), 3):
-        with opened(whole[:stop], tmp_path / "a.ulg") as log:
-            assert kept_times(log) == {time_in(each) for each in messages if each.stop <= stop}
-            boundary = max(each.stop for each in messages_in(whole) if each.stop <= stop)
-            assert [(each.offset, each.size) for each in log.problems] == (
-                [(boundary, stop - boundary)] if boundary < stop else []
-            )
-
-
 def test_any_file_is_read_or_refused(whole: bytes, tmp_path: Path) -> None:
     """Mutations anywhere, also among the definitions."""
     chance = Random(5)  # noqa: S311 - no secret

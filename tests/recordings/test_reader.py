@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import pytest
@@ -15,12 +14,10 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msggen.exports.player import endpoints_of
-from msggen.exports.writer import COMPRESSIONS, Writer
 from msggen.recordings.log import opening
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import Choice
-from support.examples import examples
-from support.recordings import START, Found, channel_of, read_ours, route_of
+from support.recordings import START, Found, read_ours
 
 STATUS, ODOMETRY = "/fmu/out/vehicle_status_v4", "/uav_1/fmu/out/vehicle_odometry"
 
@@ -78,35 +75,6 @@ def test_all_files_of_mcap_are_read(options: dict[str, Any], px4_types: Any, tmp
         list(log.payloads(["strange"]))
     assert endpoints_of(log, Choice()).release == "v1.18"
     assert log.problems == []
-
-
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_damaged_files_are_read_in_part_or_refused(compression: str, px4_types: Any, tmp_path: Path) -> None:
-    path = tmp_path / "flight.mcap"
-    writer = Writer(str(path), compression)
-    number = writer.add_channel(channel_of(px4_types, route_of(px4_types, "vehicle_status")))
-    for each in range(40):
-        writer.write(number, START + each, START, bytes(20))
-        if each % 10 == 9:
-            writer.flush()
-    writer.close()
-    whole = path.read_bytes()
-    chance = Random(1)  # noqa: S311 - no secret
-    refused: list[str] = []
-    count = examples(400, by_day=50)
-    for _ in range(count):
-        data = bytearray(whole)
-        for _ in range(chance.choice((1, 1, 5))):
-            at = chance.choice((chance.randrange(len(data)), chance.randrange(len(data) - 300, len(data))))
-            data[at] = chance.choice((0, 255, chance.randrange(256)))
-        path.write_bytes(data)
-        try:
-            endpoints_of(opening.open(path), Choice())
-            read_ours(path)
-        except RecordingError as error:
-            refused.append(str(error))
-    assert len(refused) < count / 10
-    assert all("is not a recording" in text for text in refused)
 
 
 def test_a_bag_of_ros_is_read(px4_types: Any, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from msggen.exports.vehicle_definitions import Definitions
+from msggen.exports.recorder import Definitions
 from msggen.link.link import Route
 from msggen.live import Vehicle
 from msggen.recordings.decode.schemas import hash_of

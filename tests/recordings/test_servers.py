@@ -214,9 +214,8 @@ def test_a_server_is_only_read(tmp_path: Path) -> None:
     path = tmp_path / "a"
     path.write_bytes(b"1")
     store = Store("http://127.0.0.1:1/a")
-    for write in (store.put, store.replace):
-        with pytest.raises(StoreError, match=r"a server of HTTP is only read$"):
-            write(str(path), "http://127.0.0.1:1/a")
+    with pytest.raises(StoreError, match=r"a server of HTTP is only read$"):
+        store.put(str(path), "http://127.0.0.1:1/a")
 
 
 def test_a_proxy_of_the_environment_is_asked(data: bytes, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from mcap.writer import Writer as McapWriter
 from msggen import recordings
 from msggen.exports.convert import convert
 from msggen.recordings.files import stored
-from msggen.recordings.files.mcap import fetched as mcap_fetched
+from msggen.recordings.files.mcap import chunks as mcap_chunks
 from msggen.recordings.files.mcap import reader as mcap
 from msggen.recordings.files.mcap import summary as mcap_summary
 from msggen.recordings.log.log import Log
@@ -66,7 +66,7 @@ def garbage(monkeypatch: pytest.MonkeyPatch) -> None:
         (stored, "_BLOCK", 64),
         (stored, "_FRONT", 256),
         (mcap_summary, "_TAIL", 64),
-        (mcap_fetched, "_LARGEST_STEP", 4000),
+        (mcap_chunks, "_LARGEST_STEP", 4000),
         (mcap, "_GROUP", 3000),
     ):
         monkeypatch.setattr(module, name, value)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from msggen.base.rooms import ROOMS, below, room_of
+from msggen.base.rooms import ROOMS, below
 from support.repository import ROOT
 
 LONGEST = 400
@@ -31,7 +31,6 @@ LONG = {
     "msggen/recordings/files/rosbag2/sqlite_pages.py": "a format: its parts, and what damage does to them",
     "msggen/recordings/log/log.py": "the methods that users call on a recording, on one class",
     "msggen/sim/values.py": "what a simulated vehicle publishes: a function for each message",
-    "msggen/vehicle/owner/network.py": "what one thread does with an owner and a network, whose cases share state",
     "msggen/vehicle/vehicle.py": "the methods that users call on a vehicle, on one class",
     "templates/python/support/cdr.py": "the module that each message imports: a second one would make imports slower",
     "templates/python/support/meaning.py": "the values of fields: members of enums, and invalid ones",
@@ -44,6 +43,13 @@ MODULES = {
     for path in (ROOT / "msggen").rglob("*.py")
 }
 """The files of all modules, by names such as `base.disk.git`."""
+
+
+def room_of(name: str) -> str:
+    """Return the room that a module, such as `base.disk.git`, is in; "" for a module outside of all rooms."""
+    while name not in ROOMS and name:
+        name = name.rpartition(".")[0]
+    return name
 
 
 def imports_of(path: Path) -> Iterator[str]:

@@ -19,7 +19,7 @@ from msggen.generate.cache import package_of
 from msggen.link.link import Remote
 from msggen.ros import plan as plans
 from msggen.sim import Options, Simulator
-from msggen.vehicle.fleet import clash, clashes, sort
+from msggen.vehicle.fleet import clash, sort
 from support.ports import free_port
 from support.ros_types import px4_msgs_of
 
@@ -37,8 +37,6 @@ def test_each_namespace_is_carried_once() -> None:
         other = one._replace(number=5, key=7)
         assert sort([one], [other, one]) == ((), ((other, clash(one, other)),))
         assert sort((), [other, one]) == ((one,), ((other, clash(one, other)),))
-        assert clashes([other, one]) == [clash(one, other)]
-    assert clashes([FIRST, SECOND, PLAIN]) == []
 
 
 def test_a_refused_vehicle_gets_a_cure() -> None:

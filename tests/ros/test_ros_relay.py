@@ -85,6 +85,11 @@ def bench(px4_types: Any) -> Iterator[SimpleNamespace]:
         )
 
 
+def published(ago: float) -> dict[str, Any]:
+    """Return what rclpy tells of a sample that was published some s ago, by the clock of its publisher."""
+    return {"source_timestamp": time.time_ns() - round(ago * 1e9)}
+
+
 def test_samples_pass_unchanged_in_both_directions(px4_types: Any, bench: SimpleNamespace) -> None:
     status = px4_types.VehicleStatus(timestamp=5)
     setpoint = px4_types.TrajectorySetpoint(position=(1.0, 2.0, 3.0))
@@ -134,7 +139,7 @@ def test_what_waited_in_ros_is_dropped_and_counted(
 ) -> None:
     """A relay that stood still gets what has waited in DDS, with the times at which it was published."""
     topic, sample = "/uav_1/fmu/in/trajectory_setpoint", px4_types.TrajectorySetpoint().encode()
-    monkeypatch.setattr(time, "time_ns", lambda: 100 * 10**9)
+    monkeypatch.setattr(time, "time_ns", lambda: STAMP * 1000)
     left: list[int] = []
     publish = bench.link.publish
 
@@ -145,14 +150,32 @@ def test_what_waited_in_ros_is_dropped_and_counted(
     monkeypatch.setattr(bench.link, "publish", note)
     with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
         for waited in (5.0, 0.51, 0.4, 0.0, -3.0):
-            bench.node.callbacks[topic](sample, {"source_timestamp": round((100 - waited) * 1e9)})
+            bench.node.callbacks[topic](sample, published(waited))
         bench.node.callbacks[topic](sample, {"source_timestamp": 0})
-        assert relay.to_vehicle == {topic: 4}
-    assert bench.refusals.counts == {topic: 2}
+        assert relay.to_vehicle == {topic: 3}
+    assert bench.refusals.counts == {topic: 3}
     assert "waited for more than 0.5 s" in bench.refusals.reasons[topic]
-    assert len(bench.link.published) == 4
+    assert len(bench.link.published) == 3
     assert left[0] <= 0.1e9, "what it has waited in ROS counts on the link"
     assert all(each <= 0.5e9 for each in left)
+
+
+def test_a_clock_that_is_ahead_hides_no_late_sample(px4_types: Any, bench: SimpleNamespace) -> None:
+    """A node on a computer whose clock is ahead: its samples look younger than they are."""
+    topic, sample = "/uav_1/fmu/in/trajectory_setpoint", px4_types.TrajectorySetpoint().encode()
+    other = {"publisher_gid": {"implementation_identifier": "rmw_fastrtps_cpp", "data": bytes(16)}}
+    with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
+        take = bench.node.callbacks[topic]
+        take(sample, published(4.0 - 5.0))
+        assert not relay.to_vehicle
+        assert "s ahead of this one" in bench.refusals.reasons[topic]
+        for _ in range(5):
+            take(sample, {**published(-0.4), **other})
+        assert relay.to_vehicle == {topic: 5}
+        take(sample, {**published(0.3), **other})
+        assert relay.to_vehicle == {topic: 5}, "it has waited for 0.7 s"
+        take(sample, {**published(0.3), "publisher_gid": None})
+        assert relay.to_vehicle == {topic: 6}, "of another computer"
 
 
 def test_an_rclpy_without_times_gives_samples_alone(

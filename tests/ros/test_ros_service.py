@@ -227,12 +227,13 @@ def test_what_a_call_has_waited_counts(bench: Bench, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(bench.vehicle, "call", call)
     with served(bench):
         bench.service.ask(bench.request(400), waited=3.0)
-        bench.service.ask(bench.request(400), waited=-50.0)  # the clock of the caller is ahead
+        bench.service.ask(bench.request(400), waited=-50.0)  # 40 s old, if the clock of the caller is 90 s ahead
         bench.service.requests.put((bench.request(400), SimpleNamespace(source_timestamp=0)))
-        for _ in range(3):
-            bench.answer()
+        results = [bench.answer()[0].result for _ in range(3)]
+    assert results == [0, 1, 0]
+    assert "s ahead of this one" in bench.refusals.reasons[NAME]
     assert waits[0] <= 2.0
-    assert waits[1:] == [5.0, 5.0]
+    assert waits[1:] == [5.0]
 
 
 def test_a_vehicle_that_goes_and_one_that_takes_nothing(bench: Bench) -> None:

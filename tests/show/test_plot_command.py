@@ -11,8 +11,8 @@ import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.base.missing import installing
-from msggen.cli import main
 from msggen.sim import Options, Simulator
+from support.commands import exit_code
 from support.imports import forget
 from support.ports import free_port
 from support.pseudo_terminal import TerminalProgram
@@ -39,10 +39,7 @@ def program(url: str) -> Iterator[TerminalProgram]:
 
 
 def run(words: Sequence[str], url: str) -> int:
-    try:
-        return main(["topic", "plot", *words, "--link", url, "--types", PACKAGE])
-    except SystemExit as error:
-        return int(error.code or 0)
+    return exit_code(["topic", "plot", *words, "--link", url, "--types", PACKAGE])
 
 
 def is_drawn(text: str) -> bool:

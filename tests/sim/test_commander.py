@@ -64,7 +64,7 @@ def test_replies_that_took_more_than_0_3_s_are_dropped_from_v1_17_on(rules: Rule
     driver.until(lambda _: driver.masks)
     reply = Reply(request=1, check=found.check, can_run=True)
     for age, has_replied in ((300_001, counts), (300_000, 1)):
-        driver.commander.reply(reply, driver.now - age, driver.now)
+        driver.commander.checks.take(reply, driver.now - age, driver.now)
         assert driver.commander.checks.registered[found.check].has_replied == has_replied
 
 
@@ -289,7 +289,7 @@ def test_a_mode_flies_in_place_of_the_one_that_it_replaces() -> None:
     found = driver.register("My return", executor=True, replaces=nav_states.RETURN)
     assert driver.register("Another", replaces=nav_states.RETURN) == REFUSED
     driver.fly(nav_states.HOLD)
-    assert not driver.commander.selectable >> nav_states.RETURN & 1
+    assert not driver.commander.components.selectable >> nav_states.RETURN & 1
     assert not driver.commander.requirements.masks["home_position"] >> nav_states.RETURN & 1
     for mode in (nav_states.RETURN, found.mode):
         assert driver.commander.select(mode) == ACCEPTED
@@ -301,7 +301,7 @@ def test_a_mode_flies_in_place_of_the_one_that_it_replaces() -> None:
     assert not driver.commander.failsafe.is_active
     driver.run(0.5)
     assert not driver.commander.components.modes
-    assert driver.commander.selectable == 0x7EC5FF
+    assert driver.commander.components.selectable == 0x7EC5FF
 
 
 def test_a_failsafe_flies_the_mode_that_replaces_the_return() -> None:

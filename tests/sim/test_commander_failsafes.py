@@ -6,7 +6,7 @@ import pytest
 
 from msggen.messages import nav_states, setpoints
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
-from msggen.sim.commander import setpoint_types, states
+from msggen.sim.commander import arming, setpoint_types
 from msggen.sim.commander.components import Overrides
 from support.commander_driver import NEEDS, Driver
 
@@ -272,12 +272,12 @@ def test_a_vehicle_that_does_not_take_off_is_disarmed_and_one_that_has_landed_to
     driver = Driver()
     driver.commander.arm()
     assert driver.until(lambda one: not one.is_armed) == pytest.approx(11, abs=0.05)
-    assert driver.commander.disarming_reason == states.BY_INACTION
+    assert driver.commander.disarming_reason == arming.BY_INACTION
     driver.fly(nav_states.HOLD)
     driver.run(20)
     driver.sense(is_landed=True)
     assert driver.until(lambda one: not one.is_armed) == pytest.approx(2, abs=0.05)
-    assert driver.commander.disarming_reason == states.BY_LANDING
+    assert driver.commander.disarming_reason == arming.BY_LANDING
 
 
 def test_overrides_keep_a_vehicle_armed_after_landing_but_not_before_takeoff() -> None:

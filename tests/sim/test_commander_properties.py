@@ -151,7 +151,7 @@ class Play:
         assert {own.check for own in components.modes.values()} <= set(checks.registered)
         assert {each.mode for each in checks.registered.values()} == set(components.modes)
         assert not checks.mask & ~sum(1 << number for number in checks.registered)
-        assert not one.selectable >> 23 & ~sum(1 << mode - 23 for mode in components.modes)
+        assert not one.components.selectable >> 23 & ~sum(1 << mode - 23 for mode in components.modes)
         assert not one.is_armed or self.was_told_to_arm
         assert one.is_armed or one.mode in {one.intention, nav_states.TERMINATION}
         assert not one.failsafe.is_active or one.executor_in_charge == 0

@@ -18,8 +18,8 @@ from msggen.messages.measurements import HEIGHT, NED, PARTS, PLACE, POSITION, VE
 from msggen.sim import Options
 from msggen.sim.attitude import quaternion_of
 from msggen.sim.commander.rules import V1_15, V1_16, V1_17, V1_18
+from msggen.sim.disturbances import noise_of
 from msggen.sim.flight import ZERO
-from msggen.sim.noise import noise_of
 from msggen.sim.parameters import PARAMETERS
 from msggen.sim.publishing import localize
 from msggen.sim.values import Filler, Scene

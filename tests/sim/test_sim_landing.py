@@ -22,7 +22,7 @@ from msggen.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.sim.commander.states import BY_LANDING
+from msggen.sim.commander.arming import BY_LANDING
 from msggen.sim.flight import NAN
 from msggen.sim.parameters import PARAMETERS
 from msggen.sim.world import STEP, World
@@ -54,7 +54,7 @@ def test_a_takeoff_spools_up_and_ends_near_its_height(height: float) -> None:
     pilot = Pilot()
     pilot.run(0.5)
     pilot.command(ARM_DISARM, ARM)
-    pilot.command(TAKE_OFF, (*NOTHING[:6], pilot.world.altitude + height))
+    pilot.command(TAKE_OFF, (*NOTHING[:6], pilot.world.place.altitude + height))
     assert pilot.until(lambda: not pilot.world.is_landed) == pytest.approx(1.7, abs=0.2)
     assert pilot.until(lambda: not pilot.world.flight.is_on_ground) == pytest.approx(1.7, abs=0.2)
     goal = 2.5 if math.isnan(height) else height

@@ -35,7 +35,8 @@ from msggen.messages.nav_states import (
     TERMINATION,
 )
 from msggen.sim.flight import NAN
-from msggen.sim.world import Home, World
+from msggen.sim.places import Home
+from msggen.sim.world import World
 from support.examples import examples
 from support.sim_world import NOTHING, Pilot, Program, speed_of
 
@@ -90,7 +91,7 @@ def test_a_reposition_leads_to_a_place_and_holds_there(north: float, east: float
     assert pilot.world.mode == HOLD
     assert flight.position == pytest.approx((north, east, -up), abs=0.1)
     assert flight.heading == pytest.approx(yaw, abs=0.02)
-    assert (pilot.world.latitude, pilot.world.longitude) == pytest.approx(place[:2], abs=2e-6)
+    assert (pilot.world.place.latitude, pilot.world.place.longitude) == pytest.approx(place[:2], abs=2e-6)
 
 
 def test_a_reposition_keeps_what_it_does_not_tell_and_has_a_speed() -> None:
@@ -181,4 +182,4 @@ def test_another_origin_moves_the_local_position_and_not_the_vehicle(north: floa
     pilot.run(2.0)
     assert world.flight.position == pytest.approx(moved, abs=0.1)
     pilot.land()
-    assert world.altitude == pytest.approx(START.altitude, abs=0.01)
+    assert world.place.altitude == pytest.approx(START.altitude, abs=0.01)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from msggen.messages.commands import ACCEPTED, ARM_DISARM, REPOSITION, TAKEOFF
 from msggen.messages.nav_states import HOLD, LAND, OFFBOARD, RETURN
-from msggen.sim.commander.states import BY_LANDING
+from msggen.sim.commander.arming import BY_LANDING
 from msggen.sim.flight import NAN
 from support.examples import examples
 from support.sim_world import (

@@ -285,8 +285,8 @@ def test_the_setpoints_of_every_release_are_understood(release: str) -> None:
     place = setpoints.of_position(time, time)
     assert place is not None
     assert place.position == (1.0, 2.0, -3.0)
-    assert setpoints.of_attitude(time) == Push(0.0, (1.0, 0.0, 0.0, 0.0))
-    assert setpoints.of_rates(time) == Push(0.0, rates=(1.0, 0.0, 0.0))
+    assert setpoints.push(frozenset({"attitude", "rates", "allocation"}), time) == Push(0.0, (1.0, 0.0, 0.0, 0.0))
+    assert setpoints.push(frozenset({"rates", "allocation"}), time) == Push(0.0, rates=(1.0, 0.0, 0.0))
 
 
 def test_a_vehicle_that_falls_on_its_back_takes_no_thrust() -> None:

@@ -142,16 +142,6 @@ def test_topics_are_published_at_their_rates(bench: Bench) -> None:
         assert sent[endpoint.ros_name] == pytest.approx(10 * rate, rel=0.06, abs=1 if rate else 0), endpoint.uorb_topic
 
 
-def test_what_changes_is_published_at_once(bench: Bench) -> None:
-    bench.run(2.0)
-    start = bench.now
-    bench.command(400, 1.0)
-    bench.run(0.25)
-    assert bench.last("vehicle_control_mode").flag_armed
-    assert bench.last("vehicle_status").arming_state == 2
-    assert bench.now - start < 0.4 * SECOND
-
-
 def test_a_change_of_the_status_is_published_at_once(bench: Bench) -> None:
     bench.run(1.0)
     delays = []
@@ -162,6 +152,8 @@ def test_a_change_of_the_status_is_published_at_once(bench: Bench) -> None:
         while bench.last("vehicle_status").nav_state != mode:
             bench.run(0.001)
         delays.append(bench.now - start)
+        bench.run(0.25)
+        assert bench.last("vehicle_control_mode").flag_control_manual_enabled is (mode == 2)
     assert max(delays) <= 0.2 * SECOND
     assert min(delays) <= 0.01 * SECOND
 
@@ -349,13 +341,6 @@ def test_modes_that_end_are_reported(bench: Bench) -> None:
     ends = [message.nav_state for message in bench.messages("mode_completed")]
     assert [mode for mode, _ in itertools.groupby(ends)] == [17, 18]
     assert 30 <= ends.count(18) <= 45  # 20 a second, until the vehicle disarms 2 s after it has landed
-
-
-def test_the_session_ends_with_delete(bench: Bench) -> None:
-    bench.vehicle.close(bench.now)
-    bench.run(0.05)
-    assert bench.vehicle.is_closed
-    assert not bench.agent.is_in_session
 
 
 def test_an_agent_that_restarts_gets_a_new_session(bench: Bench) -> None:

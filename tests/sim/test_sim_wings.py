@@ -24,8 +24,8 @@ from msggen.messages.nav_states import DESCEND, HOLD, LAND, RETURN
 from msggen.messages.nav_states import VTOL_TAKEOFF as TO_FORWARD
 from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, VtolState
 from msggen.sim.attitude import quaternion_of
+from msggen.sim.commander.arming import BY_FAILSAFE
 from msggen.sim.commander.rules import V1_16, V1_18
-from msggen.sim.commander.states import BY_FAILSAFE
 from msggen.sim.flight import GRAVITY, NAN, ZERO
 from msggen.sim.vtol_pilot import VtolPilot
 from msggen.sim.wings import MAX_LATERAL, Wings
@@ -146,7 +146,7 @@ def test_a_return_ends_in_a_circle_over_home() -> None:
     pilot = flying()
     assert pilot.select(RETURN) == ACCEPTED
     pilot.run(60.0)
-    home = pilot.world.autopilot.home
+    home = pilot.world.flight.home
     for _ in range(10):
         pilot.run(1.0)
         assert math.dist(pilot.world.flight.position[:2], home[:2]) == pytest.approx(80.0, abs=4.0)
@@ -177,7 +177,7 @@ def test_a_course_is_over_ground_and_a_direction_through_the_air(wanted: float, 
 def test_an_altitude_is_approached_within_the_limits_of_climb_and_sink(higher: float, airspeed: float) -> None:
     program = flying()
     program.enter(WINGS)
-    altitude = program.world.altitude + higher
+    altitude = program.world.place.altitude + higher
     rates = []
 
     def sent(time: int) -> None:
@@ -186,7 +186,7 @@ def test_an_altitude_is_approached_within_the_limits_of_climb_and_sink(higher: f
         rates.append(-program.world.flight.velocity[2])
 
     program.send(50.0, sent, 30.0)
-    assert program.world.altitude == pytest.approx(altitude, abs=0.5)
+    assert program.world.place.altitude == pytest.approx(altitude, abs=0.5)
     assert max(rates[60:]) <= 3.05
     assert min(rates[60:]) >= -2.05
     assert wings_of(program).airspeed == pytest.approx(max(10.0, min(20.0, airspeed)), abs=0.2)
@@ -210,7 +210,7 @@ def test_limits_of_a_program_end_with_its_mode() -> None:
     program = flying()
     program.enter(WINGS)
     program.publish(LongitudinalLimits(climb_rate_target=1.0))(program.world.time)
-    goal = Longitudinal(altitude=program.world.altitude + 200.0)
+    goal = Longitudinal(altitude=program.world.place.altitude + 200.0)
     steer(program, 6.0, Lateral(course=0.0), goal)
     assert -program.world.flight.velocity[2] == pytest.approx(1.0, abs=0.05)
     program.select(HOLD)
@@ -265,7 +265,7 @@ def test_a_course_against_the_wind_raises_the_airspeed(course: float, airspeed: 
 def test_the_last_setpoint_is_flown_for_ever() -> None:
     program = flying()
     program.enter(WINGS)
-    steer(program, 6.0, Lateral(course=1.0), Longitudinal(altitude=program.world.altitude))
+    steer(program, 6.0, Lateral(course=1.0), Longitudinal(altitude=program.world.place.altitude))
     program.run(60.0)
     assert error(course_of(program), 1.0) < 1.0
     assert speed_of(program) > 9.0

@@ -22,7 +22,8 @@ from msggen.messages.nav_states import HOLD, OFFBOARD, POSITION, RETURN
 from msggen.messages.nav_states import LAND as LANDING
 from msggen.messages.nav_states import TAKEOFF as TAKING_OFF
 from msggen.sim.flight import NAN, Flight, Target, wrapped
-from msggen.sim.world import STEP, Home, World
+from msggen.sim.places import Home
+from msggen.sim.world import STEP, World
 from support.examples import examples
 from support.sim_world import ARM, DISARM, NOTHING, SECOND, Controls, Pilot, Setpoint
 
@@ -64,9 +65,9 @@ def test_north_east_and_down_have_their_signs() -> None:
     world = pilot.world
     assert world.flight.velocity == pytest.approx((2.0, 1.0, -0.5), abs=0.05)
     assert world.flight.position[0] > place[0] + 5
-    assert world.latitude > world.home.latitude
-    assert world.longitude > world.home.longitude
-    assert world.altitude > world.home.altitude + 2.5
+    assert world.place.latitude > world.home.latitude
+    assert world.place.longitude > world.home.longitude
+    assert world.place.altitude > world.home.altitude + 2.5
 
 
 def test_it_leans_forward_to_fly_forward() -> None:
@@ -221,7 +222,7 @@ def test_a_take_off_waits_for_arming() -> None:
     assert pilot.world.is_landed
     pilot.command(ARM_DISARM, ARM)
     pilot.run(16.0)
-    assert pilot.world.altitude == pytest.approx(Home().altitude + 10.0, abs=0.1)
+    assert pilot.world.place.altitude == pytest.approx(Home().altitude + 10.0, abs=0.1)
 
 
 def test_the_battery_drains_faster_in_the_air() -> None:

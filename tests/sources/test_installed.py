@@ -14,7 +14,7 @@ from msggen.definitions.parse.package_xml import read_manifest
 from msggen.generate.cache import package_of
 from msggen.sim import Options, Simulator
 from msggen.sources import installed
-from msggen.sources.borrowed import with_borrowed_bridge
+from msggen.sources.bridged import with_borrowed_bridge
 from msggen.sources.file import read_file
 from msggen.sources.finding import find_sources, open_tree
 from msggen.sources.installed import find_installed, wrong_installed

@@ -388,13 +388,6 @@ def test_what_git_archives_is_read(kind: str, prefix: list[str]) -> None:
     assert catalog(f"packed.{kind}") == said
 
 
-def test_an_archive_of_the_messages_alone_is_read() -> None:
-    repository()
-    git(FIRMWARE, "archive", "-o", "../packed.tar", "v1.16", "msg")
-    messages = read_catalog(find_sources("packed.tar")).messages
-    assert messages.keys() == read_catalog(find_sources("firmware@v1.16")).messages.keys()
-
-
 def test_an_archive_of_the_messages_alone_keeps_their_history() -> None:
     """In `git archive v1.16 msg`, `msg/` must not be stripped, or the archived versions are not found."""
     write_definitions(FIRMWARE, {"msg/versioned/Rpm.msg": RPM, "msg/px4_msgs_old/msg/RpmV0.msg": RPM})
@@ -433,18 +426,12 @@ def with_members(path: str, names: list[str]) -> str:
 OUTSIDE = ["../Evil.msg", "/tmp/Evil.msg", "firmware/../../Evil.msg", "../../../../etc/Evil.msg"]  # noqa: S108
 
 
+@pytest.mark.parametrize("top", [".", "firmware"])
 @pytest.mark.parametrize("kind", ["tar", "zip"])
-def test_members_that_lead_out_of_an_archive_do_not_matter(kind: str) -> None:
+def test_members_that_lead_out_of_an_archive_do_not_matter(kind: str, top: str) -> None:
     said = catalog(str(firmware()))
-    assert catalog(with_members(pack(kind, top="."), OUTSIDE)) == said
+    assert catalog(with_members(pack(kind, top=top), OUTSIDE)) == said
     assert [path.name for path in Path("..").glob("Evil.msg")] == []
-
-
-@pytest.mark.parametrize("name", OUTSIDE)
-@pytest.mark.parametrize("kind", ["tar", "zip"])
-def test_nor_do_they_where_everything_else_lies_in_one_folder(kind: str, name: str) -> None:
-    said = catalog(str(firmware()))
-    assert catalog(with_members(pack(kind), [name])) == said
 
 
 def test_what_a_mac_adds_to_an_archive_does_not_matter() -> None:
@@ -549,23 +536,15 @@ def test_a_link_to_another_folder_of_the_repository_is_followed() -> None:
 
 def is_told_as_broken(path: str) -> bool:
     """Whether a file is refused as a broken archive."""
-    return refused(path).startswith(f"{path}: S109 cannot be read as an archive: ")
+    said = refused(path)
+    return said.startswith(f"{path}: S109 cannot be read as an archive: ") and "\n" not in said
 
 
-def test_what_is_wrong_with_an_archive_is_said_in_a_line() -> None:
-    Path("text.tar.gz").write_text("<html>Not found</html>")
-    assert len(refused("text.tar.gz").splitlines()) == 1
-
-
+@pytest.mark.parametrize(
+    "text", ["", "<html>Not found</html>", "version https://git-lfs.github.com/spec/v1\n" * 40, "PK"]
+)
 @pytest.mark.parametrize("kind", [*TARS, "zip"])
-def test_an_empty_file_is_no_archive(kind: str) -> None:
-    Path(f"empty.{kind}").touch()
-    assert is_told_as_broken(f"empty.{kind}")
-
-
-@pytest.mark.parametrize("text", ["<html>Not found</html>", "version https://git-lfs.github.com/spec/v1\n" * 40, "PK"])
-@pytest.mark.parametrize("kind", [*TARS, "zip"])
-def test_a_text_by_the_name_of_an_archive_is_none(kind: str, text: str) -> None:
+def test_another_file_by_the_name_of_an_archive_is_none(kind: str, text: str) -> None:
     Path(f"text.{kind}").write_text(text)
     assert is_told_as_broken(f"text.{kind}")
 

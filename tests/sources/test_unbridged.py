@@ -9,9 +9,9 @@ import pytest
 from msggen.base.diagnostics import Diagnostic
 from msggen.base.location import Location
 from msggen.cli import DONE, main
+from msggen.sources.bridged import unbridged
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
-from msggen.sources.unbridged import unbridged
 from support.catalogs import write_definitions
 
 STAMP = "uint64 timestamp\n"

@@ -41,7 +41,7 @@ class Driver:
             request = self.commander.requests.popleft()
             self.masks.append(request.mask)
             for each in [*self.answers.values()]:
-                self.commander.reply(each._replace(request=request.number), self.now, self.now)
+                self.commander.checks.take(each._replace(request=request.number), self.now, self.now)
 
     def run(self, seconds: float) -> None:
         """Pass a time."""

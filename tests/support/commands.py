@@ -48,6 +48,14 @@ def run(arguments: Sequence[str]) -> Outcome:
     return Outcome(code, *(stream.buffer.getvalue().decode() for stream in (stdout, stderr)))
 
 
+def exit_code(arguments: Sequence[str]) -> int:
+    """Return the exit code of msggen, whose output goes to the streams of this process."""
+    try:
+        return main(list(arguments))
+    except SystemExit as done:
+        return int(done.code or 0)
+
+
 def check_outcome(outcome: Outcome) -> None:
     """Check that the exit code is 0, 1 or 2, that 2 is explained, and that there is no trace."""
     assert outcome.code in (0, 1, 2), outcome

@@ -146,7 +146,7 @@ class Replay:
         self._see("status", *self._status())
         self._see("vehicle", *self._vehicle())
         self._see("ready", commander.is_ready)
-        self._see("selectable", commander.selectable)
+        self._see("selectable", commander.components.selectable)
         self._see("registrations", *[commander.checks.mask] if commander.checks.registered else [])
         self._see("controls", commander.mode in nav_states.EXTERNAL and commander.controls)
         for name, mask in commander.requirements.masks.items():
@@ -269,7 +269,7 @@ class Replay:
             if asked < time - _HALF or self._now < asked + delay:
                 self._waiting.append((time, delay, message))
             elif asked <= time + _HALF:
-                self.commander.reply(_reply_of(message, number), self._now, self._now)
+                self.commander.checks.take(_reply_of(message, number), self._now, self._now)
 
     # What was cut out
 
@@ -285,7 +285,7 @@ class Replay:
             self._now += STEP
             if self._own[1] > self._now - 2 * STEP and not self._is_silent():
                 for message in replies.values():
-                    self.commander.reply(_reply_of(message, self._own[0]), self._now, self._now)
+                    self.commander.checks.take(_reply_of(message, self._own[0]), self._now, self._now)
             self._step()
             if self._now - STEP <= begin + _BRING < self._now:
                 self._bring(end)

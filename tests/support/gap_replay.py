@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from msggen.link.xrce import wire
-from msggen.link.xrce.offset import OffsetFilter
+from msggen.link.xrce.client_times import OffsetFilter
 from msggen.sim import SimulatedVehicle
 from support.simulation import SECOND
 from support.xrce_agent import SmallAgent

@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from msggen.generate import cache
-from msggen.link.link import Remote, Route, Sample, Service
+from msggen.link.link import Listener, Remote, Route, Sample, Service
 
 PATIENCE = 20.0
 """The longest time in s that a test waits for anything."""
 
 
-class Records:
+class Records(Listener):
     """A listener that keeps everything."""
 
     def __init__(self) -> None:

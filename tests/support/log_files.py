@@ -11,8 +11,10 @@ from typing import Any
 
 from mcap.writer import Writer
 
+from msggen import recordings
+from msggen.recordings import Log
 from msggen.sources.embedded import Releases
-from msggen.sources.released import released_as
+from msggen.sources.released import embedded
 from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
 
 
@@ -47,10 +49,32 @@ def write_log(path: Path, topics: Iterable[Written], **options: Any) -> Path:
     return path
 
 
+START = 10**18
+"""The log time of the first sample of `foos`, in ns."""
+TYPE = "our_msgs/msg/Foo"
+FOO = "uint64 timestamp\nfloat32 x\n"
+
+
+def foo(time: int, x: float = 0.0) -> bytes:
+    """Return a sample of FOO."""
+    return b"\0\1\0\0" + struct.pack("<Qf", time, x)
+
+
+def foos(topic: str, times: Iterable[int], definition: str = FOO, **options: Any) -> Written:
+    """Return a topic of FOO with samples at times in ms."""
+    samples = [(START + time * 10**6, START, foo(time, float(time))) for time in times]
+    return Written(topic, TYPE, definition, samples, **options)
+
+
+def opened(folder: Path, *topics: Written, **options: Any) -> Log:
+    """Return a recording of topics in a folder."""
+    return recordings.open(write_log(folder / "flight.mcap", topics, **options))
+
+
 def definition_in(release: str, name: str) -> str:
     """Return the definition of a message in an embedded release as `ros2msg`, with all that it nests."""
     releases = Releases()
-    found = released_as(releases, release, name)
+    found = embedded(release, name)
     assert found is not None
     _, own = releases.file(release, f"{name}.msg")
     inner = [each.name for each in found.catalog.nested_all(found.message)]

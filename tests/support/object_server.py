@@ -121,7 +121,7 @@ class _Handler(QuietHandler):
             return
         self._send(self._error(500) if fault == "lost" else answer, is_half=fault == "half")
 
-    do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = _take  # noqa: N815 - as http.server calls them
+    do_GET = do_PUT = do_POST = do_DELETE = _take  # noqa: N815 - as http.server calls them
 
     def _done(self, body: bytes, fault: str, number: int) -> _Answer:
         """Do what is asked."""
@@ -142,21 +142,14 @@ class _Handler(QuietHandler):
         return self._file(path, fault, number)
 
     def _put(self, path: str, body: bytes) -> _Answer:
-        found, files = self.has.files.get(path), self.has.files
+        found = self.has.files.get(path)
         is_new, expected = self.headers.get("If-None-Match"), self.headers.get("If-Match")
         if (is_new and found is not None) or (expected and found is not None and expected != _tag(found)):
             return self._error(412)
         if expected and found is None:
             return self._error(404)
-        source = self.headers.get("x-amz-copy-source")
-        copied = files.get(f"/{unquote(source).lstrip('/')}") if source else body
-        if copied is None:
-            return self._error(404)
-        files[path] = copied
-        tag = _tag(files[path])
-        return _Answer(
-            200, f"<CopyObjectResult><ETag>{tag}</ETag></CopyObjectResult>".encode() if source else b"", {"ETag": tag}
-        )
+        self.has.files[path] = body
+        return _Answer(200, b"", {"ETag": _tag(body)})
 
     def _listed(self, bucket: str, query: Mapping[str, list[str]]) -> bytes:
         prefix, stop = query.get("prefix", [""])[0], query.get("delimiter", [""])[0]
@@ -204,8 +197,7 @@ class _Handler(QuietHandler):
         if answer.status != 204:
             self.send_header("Content-Length", str(len(answer.body)))
         self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(answer.body[: len(answer.body) // 2] if is_half else answer.body)
+        self.wfile.write(answer.body[: len(answer.body) // 2] if is_half else answer.body)
         self.close_connection = self.close_connection or is_half
 
     def _error(self, status: int, code: str = "") -> _Answer:

@@ -313,7 +313,7 @@ class Program(Pilot):
             if not hasattr(self, "registered"):
                 continue
             reply = Reply(request.number, self.registered.check, can_run=True, requirements=self.needs)
-            commander.reply(reply, self.world.time, self.world.time)
+            commander.checks.take(reply, self.world.time, self.world.time)
 
     def enter(self, kind: int | None = None) -> None:
         """Select the own mode, and set the type of its setpoints."""

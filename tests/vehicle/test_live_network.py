@@ -155,7 +155,7 @@ vehicle.subscribe("vehicle_attitude").wait_for(lambda _: True, 20.0)
 def test_a_router_that_was_killed_and_is_back_has_the_vehicle_again(px4_types: Any) -> None:
     port = free_port()
     with session(port, "router") as router, networked(px4_types, port=port) as space:
-        assert not space.network.is_router
+        assert not space.network._connection.is_router
         with Vehicle(space.url, px4_types, direct=True) as vehicle:
             vehicle.wait_connected(20.0)
             attitudes = vehicle.subscribe("vehicle_attitude")
@@ -179,15 +179,15 @@ def test_a_command_reaches_one_of_two_namesakes_whose_router_was_lost(px4_types:
         first = stack.enter_context(networked(px4_types, port=port))
         until(lambda: first.network._flows)
         second = stack.enter_context(networked(px4_types, port=port))
-        until(lambda: second.network._strangers and second.network._entries)
+        until(lambda: second.network._namespaces._tokens and second.network._entries)
         both = (first.network, second.network)
         router.close()
         until(lambda: not any(each._connection.has_router for each in both))
-        until(lambda: second.network._left)
+        until(lambda: second.network._namespaces._left)
         stack.enter_context(session(port, "router"))
         vehicle = stack.enter_context(Vehicle(first.url, px4_types, direct=True))
         vehicle.wait_connected(30.0)
-        until(lambda: not second.network._left and all(each._connection.has_router for each in both))
+        until(lambda: not second.network._namespaces._left and all(each._connection.has_router for each in both))
         until(lambda: sum(bool(each._flows) for each in both) == 1)
         name = "/fmu/in/offboard_control_mode"
         with vehicle.every(10, px4_types.OffboardControlMode()):

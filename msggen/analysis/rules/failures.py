@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen
+from msggen.analysis.spans import common
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Severity
 from msggen.messages.vehicle_types import ROVER
@@ -61,8 +62,6 @@ def _armed(flight: Flight, span: tuple[float, float]) -> float | None:
 
     It is 0 for one that begins with the last sample.
     """
-    from msggen.analysis.flight import common
-
     armed = flight.recorded.armed
     found = common((span,), armed)
     is_last = span[0] == span[1] and bool(armed) and span[0] <= armed[-1][1]

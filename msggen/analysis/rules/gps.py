@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
 from msggen.base.diagnostics import counted
 from msggen.check.finding import Severity
-from msggen.messages.earth import RADIUS
-from msggen.messages.gps import HAS_FIX
+from msggen.messages.earth import HAS_FIX, RADIUS
 
 if TYPE_CHECKING:
     from msggen.analysis.flight import Flight

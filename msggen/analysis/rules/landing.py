@@ -10,8 +10,9 @@ from msggen.analysis.finding import FlightRule, Seen
 from msggen.messages.vehicle_types import FIXED_WING
 
 if TYPE_CHECKING:
-    from msggen.analysis.flight import Flight, Spans
+    from msggen.analysis.flight import Flight
     from msggen.analysis.recorded import Column
+    from msggen.analysis.spans import Spans
 
 _BEFORE = 1.0
 """The time in s before the touch in which the speed and the shock are those of the landing."""

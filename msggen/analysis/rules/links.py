@@ -7,12 +7,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
+from msggen.analysis.spans import common
 from msggen.base.diagnostics import counted
 from msggen.messages.nav_states import OFFBOARD
 
 if TYPE_CHECKING:
-    from msggen.analysis.flight import Flight, Spans
+    from msggen.analysis.flight import Flight
     from msggen.analysis.recorded import Column
+    from msggen.analysis.spans import Spans
 
 _MANUAL = "failsafe_flags.manual_control_signal_lost", "vehicle_status.rc_signal_lost"
 _GROUND = "failsafe_flags.gcs_connection_lost", "vehicle_status.gcs_connection_lost", "vehicle_status.data_link_lost"
@@ -39,8 +41,6 @@ def _offboard(flight: Flight) -> Spans:
 
 
 def _offboard_lost(flight: Flight) -> Iterator[Seen]:
-    from msggen.analysis.flight import common
-
     flag = flight.first(("failsafe_flags.offboard_control_signal_lost", "vehicle_status.offboard_control_signal_lost"))
     there = flag._replace(values=1 - flag.values).since_above(0) if flag else None
     if not flag or not there:
@@ -62,15 +62,11 @@ def _of_others(flight: Flight, flag: Column) -> Spans:
 
 def _with_failsafe(flight: Flight) -> Spans:
     """Return when the vehicle was in the air and the pilot or a program had chosen Offboard mode."""
-    from msggen.analysis.flight import common
-
     state = flight.first(("vehicle_status.nav_state_user_intention", "vehicle_status.nav_state"))
     return common(flight.in_air, flight.when(state, state.values == OFFBOARD)) if state else ()
 
 
 def _late(flight: Flight) -> Iterator[Seen | Unsaid]:
-    from msggen.analysis.flight import common
-
     sent = flight.first(_SENT)
     flown = common(flight.in_air, _offboard(flight))
     if not sent or not flown:

@@ -52,11 +52,9 @@ def _follows(flight: Flight) -> Iterator[Seen | Unsaid]:
 
 
 def _one_follows(flight: Flight, instance: int, of: str) -> Iterator[Seen | Unsaid]:
-    from msggen.analysis.fits import fit
-
     field = flight.length("vehicle_magnetometer", "magnetometer_ga", instance)
     thrust = flight.length("vehicle_thrust_setpoint", "xyz")
-    found = fit(field.within(flight.in_air), thrust) if field and thrust else None
+    found = field.within(flight.in_air).fit(thrust) if field and thrust else None
     if not found or not thrust or found.spread < _CHANGE:
         yield Unsaid("the thrust hardly changed in flight")
         return

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from msggen.analysis.finding import FlightRule, Seen, Unsaid
+from msggen.analysis.spans import common
 from msggen.base.diagnostics import few
 from msggen.check.finding import Severity
 
 if TYPE_CHECKING:
-    from msggen.analysis.flight import Flight, Spans
+    from msggen.analysis.flight import Flight
+    from msggen.analysis.spans import Spans
 
 SATURATED = 0.99
 _MOST = 0.05
@@ -34,8 +36,6 @@ _FAILURES = (
 
 def _hovering(flight: Flight) -> Spans:
     """Return when a multicopter was armed, and a VTOL that did not fly forward; nothing for other vehicles."""
-    from msggen.analysis.flight import common
-
     names = "vehicle_type", "is_vtol", "in_transition_mode"
     kind, vtol, transition = (flight.recorded.column("vehicle_status", name) for name in names)
     armed = flight.recorded.armed

@@ -88,13 +88,11 @@ def _sag(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
 
 
 def _resistance(flight: Flight, instance: int) -> Iterator[Seen | Unsaid]:
-    from msggen.analysis.fits import fit
-
     volts, amps = (
         flight.recorded.while_armed("battery_status", field, instance, "connected")
         for field in ("voltage_v", "current_a")
     )
-    found = fit(volts, amps.known(0.0)) if volts and amps else None
+    found = volts.fit(amps.known(0.0)) if volts and amps else None
     cells = _cells(flight, instance)
     if not found or not amps or not cells or found.spread < _CHANGE * amps.largest:
         yield Unsaid(

@@ -14,21 +14,11 @@ from typing import IO
 
 from msggen.base.interpreter import program_at
 
-_OWN_REPOSITORY = {
-    "GIT_ALTERNATE_OBJECT_DIRECTORIES",
-    "GIT_COMMON_DIR",
-    "GIT_DIR",
-    "GIT_GRAFT_FILE",
-    "GIT_IMPLICIT_WORK_TREE",
-    "GIT_INDEX_FILE",
-    "GIT_NAMESPACE",
-    "GIT_OBJECT_DIRECTORY",
-    "GIT_PREFIX",
-    "GIT_SHALLOW_FILE",
-    "GIT_WORK_TREE",
-}
+_OWN_REPOSITORY = (
+    "GIT_ALTERNATE_OBJECT_DIRECTORIES GIT_COMMON_DIR GIT_DIR GIT_GRAFT_FILE GIT_IMPLICIT_WORK_TREE GIT_INDEX_FILE "
+    "GIT_NAMESPACE GIT_OBJECT_DIRECTORY GIT_PREFIX GIT_SHALLOW_FILE GIT_WORK_TREE"
+)
 """Variables that git sets for a hook (`git rev-parse --local-env-vars`). With them, git would use that repository."""
-
 
 _WITHOUT_PROGRAMS = {
     "GIT_ALLOW_PROTOCOL": "",  # before 2.45, git would otherwise fetch the missing objects of a partial clone
@@ -56,7 +46,7 @@ class GitError(Exception):
 
 def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
     """Run git in `folder` and return what it prints. No program of the repository runs. Raises GitError."""
-    environment = {name: value for name, value in os.environ.items() if name not in _OWN_REPOSITORY}
+    environment = {name: value for name, value in os.environ.items() if name not in _OWN_REPOSITORY.split()}
     environment |= {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", **_WITHOUT_PROGRAMS}
     options = ("-C", folder or ".", *_OPTIONS, *arguments)
     with TemporaryFile() as given, TemporaryFile() as errors:

@@ -13,6 +13,7 @@ from operator import eq
 from typing import NamedTuple
 
 from msggen.definitions.model import Field
+from msggen.definitions.unit import normalized_unit
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _LETTERS = re.compile(r"\w+")
@@ -129,8 +130,6 @@ class _Common:
 
 
 def _unit(field: Field) -> str:
-    from msggen.definitions.unit import normalized_unit
-
     return normalized_unit(field.comment.unit)
 
 

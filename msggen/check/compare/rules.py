@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
-from msggen.check.compare import drift, hash_names, semantic, source_code, topic, version, wire
+from msggen.check.compare import semantic, source_code, topic, version, wire
 from msggen.check.compare.comparison import Comparison, depth
 from msggen.check.finding import Category, Finding, Report, Rule, Severity
 from msggen.definitions.tags import COMPARED
@@ -63,21 +63,21 @@ RULES = (
         "FIELD_RENAMED",
         "a field was renamed; its bytes are the same",
         _HASH,
-        hash_names.find_renamed,
+        wire.find_renamed,
         fix="Use the new name in all code that uses the field. " + _RELEASE,
     ),
     Rule(
         "TYPE_RENAMED",
         "the type of a field was renamed; its bytes and values are the same",
         _HASH,
-        hash_names.find_renamed_type,
+        wire.find_renamed_type,
         fix="Use the new name in all code that uses the type. " + _RELEASE,
     ),
     Rule(
         "NESTED_NAME_CHANGED",
         "a name in a nested message changed, at any depth",
         _HASH,
-        hash_names.find_nested,
+        wire.find_nested_names,
         fix=_NESTED,
     ),
     Rule(
@@ -274,7 +274,7 @@ RULES = (
         "DEFINITION_ADDED",
         "a message or service is only on the current side",
         _DRIFT,
-        drift.find_added_definitions,
+        source_code.find_added_definitions,
         fix=(
             "Move your own definitions to a package of your own, or add them to the firmware. `msggen sync` removes "
             "definitions of the firmware that it no longer has."
@@ -284,14 +284,14 @@ RULES = (
         "CONSTANT_ADDED",
         "a constant is only on the current side",
         _DRIFT,
-        drift.find_added_constants,
+        source_code.find_added_constants,
         fix="Add the constant to the firmware. Otherwise, run `msggen sync`, which removes it from the package.",
     ),
     Rule(
         "VERSION_DIFFERS",
         "the version of a message differs",
         _DRIFT,
-        drift.find_other_versions,
+        source_code.find_other_versions,
         fix=(
             "Run `msggen sync` with the firmware of the vehicle, and rebuild all nodes that use the message, because "
             "the version is part of the ROS 2 name of its topics."

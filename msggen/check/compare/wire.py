@@ -1,4 +1,7 @@
-"""WIRE rules: changes of the bytes of a message."""
+"""WIRE rules, changes of the bytes of a message, and HASH rules: the same bytes under other names.
+
+The firmware's compatibility check rejects both.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +76,36 @@ def find_nested(comparison: Comparison) -> Iterator[Change]:
                 yield change(pair, nested, f"{text}: {' > '.join(_path(inner))}{_sizes(inner)}")
 
 
+def find_renamed(comparison: Comparison) -> Iterator[Change]:
+    """Yield the renamed fields."""
+    for pair in comparison.changed:
+        for renamed in pair.renamed:
+            text = f"'{renamed.current.name}' is called '{renamed.previous.name}' in {comparison.previous.label}"
+            yield change(pair, renamed, text)
+
+
+def find_renamed_type(comparison: Comparison) -> Iterator[Change]:
+    """Yield the fields whose type has another name, but the same values in the same bytes."""
+    for pair in comparison.changed:
+        for kept in pair.kept:
+            if is_type_renamed(pair, kept):
+                text = f"'{kept.current.name}' is {kept.current.type}, but {kept.previous.type}"
+                yield change(pair, kept, f"{text} in {comparison.previous.label}: the bytes are the same")
+
+
+def find_nested_names(comparison: Comparison) -> Iterator[Change]:
+    """Yield the fields of the same type that nest, at any depth, a field or type with another name."""
+    for pair in comparison.changed:
+        for kept in (*pair.kept, *pair.renamed):
+            inner = pair.nested.get(kept.previous.name)
+            if inner and is_same_type(pair, kept) and inner.differs and inner.is_only_renamed:
+                names = " > ".join(_renamed_path(inner))
+                text = (
+                    f"'{kept.current.type} {kept.current.name}' nests other names than in {comparison.previous.label}"
+                )
+                yield change(pair, kept, f"{text}: {names}")
+
+
 def change(pair: MessagePair, fields: FieldPair, text: str) -> Change:
     """Return a change of a field that both sides have."""
     before, after = excerpt(pair.previous, fields.previous), excerpt(pair.current, fields.current)
@@ -137,3 +170,8 @@ def _neighbour(pair: MessagePair, field: Field) -> Location:
     before = pair.previous.fields[: pair.previous.fields.index(field)]
     current = {kept.previous: kept.current.location for kept in (*pair.kept, *pair.renamed)}
     return next((current[earlier] for earlier in reversed(before) if earlier in current), pair.current.location)
+
+
+def _renamed_path(pair: MessagePair) -> list[str]:
+    deeper = () if pair.renamed else (inner for inner in pair.nested.values() if inner.differs)
+    return [pair.name, *next((_renamed_path(inner) for inner in deeper), [])]

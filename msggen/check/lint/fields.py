@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.check.lint.definition import Definition
-from msggen.check.lint.joined import joined
+from msggen.check.lint.frame import joined
 from msggen.definitions.enumeration import Prefixes, constant_prefixes, enumerations, integer_constants
 from msggen.definitions.layout import is_static, lay_out
 from msggen.definitions.model import Catalog, Constant, Field, Message

@@ -1,15 +1,14 @@
-"""Frames of reference: unknown ones, and vectors without one."""
+"""Frames of reference: unknown ones, and vectors without one. Also fields that are parts of one vector or rotation."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msggen.base.diagnostics import suggestion
 from msggen.check.finding import Change
 from msggen.check.lint.definition import Definition
-from msggen.check.lint.joined import AXES_OF_VECTORS, joined
-from msggen.definitions.model import Comment, Field
+from msggen.definitions.model import Comment, Field, Message
 from msggen.definitions.primitives import PRIMITIVES
 from msggen.definitions.unit import normalized_unit
 
@@ -40,6 +39,16 @@ _NO_VECTOR = re.compile(r"(?:^|_)(?:var|variances?|cov|covariance|std|stddev|acc
 _AXES = 3
 _UNITS = frozenset({"m", "m s^-1", "m s^-2"})
 """The units of positions, velocities and accelerations."""
+
+AXES_OF_VECTORS = (("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az"))
+AXES = (
+    *AXES_OF_VECTORS,
+    ("north", "east", "down"),
+    ("n", "e", "d"),
+    ("roll", "pitch", "yaw"),
+    ("rollspeed", "pitchspeed", "yawspeed"),
+)
+"""Words of names of which one stands in the place of another: `vx`, `vy`, `vz`; `delta_x`, `delta_y`."""
 
 
 def is_frame(text: str) -> bool:
@@ -80,6 +89,19 @@ def find_missing(definition: Definition) -> Iterator[Change]:
         if len(fields) == _AXES and not (is_spread or is_known) and normalized_unit(units[first.name]) in _UNITS:
             names = ", ".join(f"'{field.name}'" for field in fields)
             yield definition.change(first, f"{names} have no frame{_hint(definition, first)}")
+
+
+def joined(message: Message, axes: Sequence[Sequence[str]] = AXES) -> list[list[Field]]:
+    """Return the groups of at least two fields of one type whose names differ only in a word of `axes`."""
+    groups: dict[tuple[str, ...], list[Field]] = {}
+    for field in message.fields:
+        words = field.name.split("_")
+        for number, group in enumerate(axes):
+            places = [index for index, word in enumerate(words) if word in group]
+            if len(places) == 1:
+                rest = (*words[: places[0]], f"{number} ", *words[places[0] + 1 :], str(field.type))
+                groups.setdefault(rest, []).append(field)
+    return [fields for fields in groups.values() if len(fields) > 1]
 
 
 def _untagged(definition: Definition, field: Field) -> Iterator[Change]:

@@ -11,7 +11,7 @@ from msggen.base.diagnostics import Diagnostic, few
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.check.finding import Effect
-from msggen.cli.options import COMPARING_CODES, Commands, add_command, add_output_format, add_shared, add_sources
+from msggen.cli.options import COMPARING_CODES, Run, add_flag, add_output_format, add_shared, add_sources, new_command
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, unmatched
 from msggen.cli.source_options import board_of, firmware_path, settings_of, shell_options, sources_of
@@ -25,37 +25,32 @@ if TYPE_CHECKING:
     from msggen.check.finding import Report
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "breaking",
-        _breaking,
-        help="report what a change of messages breaks",
-        description="Compare the current definitions with previous ones, and report by rule what the change breaks; "
-        "`msggen rules` lists the rules. The current definitions are those of --px4, by default the setting px4, or "
-        "else the current folder.",
-        epilog=f"{COMPARING_CODES} Sources and rules (select, ignore, "
-        "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
-    )
+@new_command(
+    "breaking",
+    "report what a change of messages breaks",
+    "Compare the current definitions with previous ones, and report by rule what the change breaks; "
+    "`msggen rules` lists the rules. The current definitions are those of --px4, by default the setting px4, or "
+    "else the current folder.",
+    epilog=f"{COMPARING_CODES} Sources and rules (select, ignore, "
+    "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_sources(parser, "--board")
     add_shared(parser, "--against")
     add_shared(parser, "--topics-only")
     add_selection(parser)
-    parser.add_argument(
-        "--only",
-        choices=[effect.value for effect in Effect],
-        metavar="EFFECT",
-        help="report only findings with this effect: silent, wire, build, other",
-    )
-    parser.add_argument("--handled", action="store_true", help="list findings that a new version covers, too")
+    text = "report only findings with this effect: silent, wire, build, other"
+    parser.add_argument("--only", choices=[effect.value for effect in Effect], metavar="EFFECT", help=text)
+    add_flag(parser, "--handled", "list findings that a new version covers, too")
     add_output_format(parser, OF_CHANGES)
+    return _breaking
 
 
 def _breaking(options: argparse.Namespace) -> int:
     from msggen.check.compare.rules import with_remedies
     from msggen.check.run import breaking
-    from msggen.show.report.selection import selected_rules
+    from msggen.show.report.table import selected_rules
     from msggen.sources.history import VERSIONED
 
     settings = settings_of(options)
@@ -101,16 +96,10 @@ def _with_advice(report: Report) -> Report:
         return report
     from json import dumps
 
-    entries = [f"{_key(name)} = {dumps([*dict.fromkeys(ids)])}" for name, ids in rules.items()]
+    keyed = {name if name.isidentifier() else dumps(name): ids for name, ids in rules.items()}  # as keys of TOML
+    entries = [f"{key} = {dumps([*dict.fromkeys(ids)])}" for key, ids in keyed.items()]
     text = f"to accept it: rebuild the nodes that use these messages, and add {few(entries)}"
     return replace(report, advice=f"{text} to [tool.msggen.per-message-ignores] in pyproject.toml")
-
-
-def _key(name: str) -> str:
-    """Return the name of a message or a topic as a key of TOML."""
-    from json import dumps
-
-    return name if name.isidentifier() else dumps(name)
 
 
 def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:

@@ -15,7 +15,7 @@ from msggen.base.disk.depfile import check_depfile, write_depfile
 from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
+from msggen.cli.options import WRITING_CODES, Run, add_flag, add_shared, add_sources, add_value, new_command, writes
 from msggen.cli.printing import print_notices, print_plan, stale_lines
 from msggen.cli.source_options import settings_of, sources_of
 from msggen.cli.values import non_empty
@@ -27,33 +27,27 @@ _FEW = 10
 """The largest number of stale files that are listed without `--verbose`."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    build = add_command(
-        commands,
-        "build",
-        _build,
-        writes=True,
-        help="generate a Python package from message definitions",
-        description="Generate a Python package from message definitions: by default generated/px4_types, from the "
-        "newest embedded release.",
-        epilog=f"{WRITING_CODES} Options can be set in [tool.msggen] of pyproject.toml.",
-    )
+@new_command(
+    "build",
+    "generate a Python package from message definitions",
+    "Generate a Python package from message definitions: by default generated/px4_types, from the "
+    "newest embedded release.",
+    epilog=f"{WRITING_CODES} Options can be set in [tool.msggen] of pyproject.toml.",
+    writes=True,
+)
+def add_to(build: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     sources = add_sources(build, "--board")
-    sources.add_argument(
-        "--archived",
-        action=argparse.BooleanOptionalAction,
-        help="include the archived versions of messages, such as VehicleStatusV1",
-    )
+    text = "include the archived versions of messages, such as VehicleStatusV1"
+    sources.add_argument("--archived", action=argparse.BooleanOptionalAction, help=text)
     output = build.add_argument_group("output")
     add_shared(output, "-o, --output")
-    output.add_argument(
-        "--package", metavar="NAME", type=non_empty, help="name of the Python package (default: px4_types)"
-    )
+    add_value(output, "--package", "NAME", non_empty, "name of the Python package (default: px4_types)")
     add_shared(output, "--check", "--diff", "--depfile", "--list-outputs")
     verbosity = build.add_mutually_exclusive_group()
     add_shared(verbosity, "-q, --quiet")
-    verbosity.add_argument("-v", "--verbose", action="store_true", help="list every file written and removed")
+    add_flag(verbosity, "-v, --verbose", "list every file written and removed")
+    return _build
 
 
 def _build(options: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, writes
+from msggen.cli.options import WRITING_CODES, Run, add_shared, add_value, new_command, writes
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.source_options import check_setting, firmware_path, settings_of
 from msggen.cli.values import local_path
@@ -17,24 +17,21 @@ if TYPE_CHECKING:
     from msggen.generate.bump.edits import Edits
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "bump",
-        _bump,
-        writes=True,
-        help="give a versioned message its next version",
-        description="Give a versioned message its next version: archive the old definition, write the header that "
-        "translates between both, raise MESSAGE_VERSION, and list what is left to do. Edit the message before: the "
-        "old definition is by default that of the last commit. Without git, it is the file as it is, so edit it "
-        "after. The firmware is a PX4-Autopilot tree: by default the setting px4, or else the current folder.",
-        epilog=WRITING_CODES,
-    )
-    parser.add_argument(
-        "message", metavar="MSG", type=local_path, help="name of the message, such as VehicleStatus, or its file"
-    )
+@new_command(
+    "bump",
+    "give a versioned message its next version",
+    "Give a versioned message its next version: archive the old definition, write the header that "
+    "translates between both, raise MESSAGE_VERSION, and list what is left to do. Edit the message before: the "
+    "old definition is by default that of the last commit. Without git, it is the file as it is, so edit it "
+    "after. The firmware is a PX4-Autopilot tree: by default the setting px4, or else the current folder.",
+    epilog=WRITING_CODES,
+    writes=True,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "message", "MSG", local_path, "name of the message, such as VehicleStatus, or its file")
     add_shared(parser, "--px4", "--against", "--check", "--diff", "-q, --quiet")
+    return _bump
 
 
 def _bump(options: argparse.Namespace) -> int:

@@ -3,41 +3,35 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection
 from msggen.cli.message import add_timeout, add_values, read_values, wait_told
-from msggen.cli.options import FAILED_CODES, Commands, add_command, refuse
+from msggen.cli.options import Run, add_value, new_command, refuse
 from msggen.cli.values import non_empty
+from msggen.definitions.model import snake_case
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "call",
-        _call,
-        help="call a service of a running vehicle",
-        description="Call a service of a running vehicle, and print the reply. PX4 has the service vehicle_command, "
-        "since v1.15.",
-        epilog=f"Exit codes: 0 done, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "service", metavar="SERVICE", nargs="?", type=non_empty, help="such as vehicle_command (default: the only one)"
-    )
+@new_command(
+    "call",
+    "call a service of a running vehicle",
+    "Call a service of a running vehicle, and print the reply. PX4 has the service vehicle_command, since v1.15.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "service", "SERVICE", non_empty, "such as vehicle_command (default: the only one)", nargs="?")
     add_values(parser)
     add_timeout(parser)
     add_link(parser)
+    return _call
 
 
-def _call(options: argparse.Namespace) -> int:
+def _call(options: argparse.Namespace) -> None:
     if options.values is None and (options.service or "").startswith(("{", "-")):
         options.service, options.values = None, options.service
     values = read_values(options)
@@ -49,7 +43,6 @@ def _call(options: argparse.Namespace) -> int:
         request = request_of(found.package)
         wait_told(found, type(request).__msg__.ros_type)
         print(*found.package.show(found.vehicle.call(request, options.timeout)).split("\n"), sep="\n")
-    return DONE
 
 
 def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
@@ -64,7 +57,7 @@ def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
         refuse(options, "argument SERVICE: the firmware has no services: PX4 has one since v1.15")
     name = _plain((options.service or "").rpartition("/")[2])
     if name not in known:
-        names = " and ".join(f"'{_snake(each.__name__)}'" for each in known.values())
+        names = " and ".join(f"'{snake_case(each.__name__)}'" for each in known.values())
         refuse(options, f"argument SERVICE: no service '{options.service or ''}': there is {names}")
     return known[name]
 
@@ -80,7 +73,3 @@ def request_like(options: argparse.Namespace, names: Names) -> Mapping[str, Fiel
 def _plain(name: str) -> str:
     """Return a name without case and underscores: `VehicleCommand` and `vehicle_command` are the same."""
     return name.replace("_", "").lower()
-
-
-def _snake(name: str) -> str:
-    return re.sub("(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()

@@ -12,7 +12,16 @@ from msggen.base.disk.record import Record, digest
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.cli.link import add_link
-from msggen.cli.options import COMPARING_CODES, Commands, add_command, add_output_format, add_shared, add_sources
+from msggen.cli.options import (
+    COMPARING_CODES,
+    Run,
+    add_flag,
+    add_output_format,
+    add_shared,
+    add_sources,
+    add_value,
+    new_command,
+)
 from msggen.cli.printing import print_report
 from msggen.cli.source_options import (
     board_of,
@@ -38,33 +47,29 @@ if TYPE_CHECKING:
     from msggen.check.finding import Report
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "check",
-        _check,
-        help="check that a package matches the firmware",
-        description="Compare a package with the firmware, or any two sources, by meaning: bytes, names, constants, "
-        "nested types and services. Comments and white space are ignored. A single side is compared with --px4, by "
-        "default the setting px4, or else the newest embedded release. A side can be a recording of a vehicle: then "
-        "only the messages that it has are compared.",
-        epilog=f"{COMPARING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
-    )
-    parser.add_argument(
-        "side", metavar="PKG", type=local_path, nargs="?", help="source to check, such as a px4_msgs package"
-    )
-    parser.add_argument("other", metavar="B", type=local_path, nargs="?", help="source to check against the first one")
+@new_command(
+    "check",
+    "check that a package matches the firmware",
+    "Compare a package with the firmware, or any two sources, by meaning: bytes, names, constants, "
+    "nested types and services. Comments and white space are ignored. A single side is compared with --px4, by "
+    "default the setting px4, or else the newest embedded release. A side can be a recording of a vehicle: then "
+    "only the messages that it has are compared.",
+    epilog=f"{COMPARING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "side", "PKG", local_path, "source to check, such as a px4_msgs package", nargs="?")
+    add_value(parser, "other", "B", local_path, "source to check against the first one", nargs="?")
     add_sources(parser, "--board")
     add_shared(parser, "--topics-only")
-    parser.add_argument(
-        "--live",
-        action="store_true",
-        help="compare the definitions of PKG, or of --px4, with those that a running vehicle tells: px4_msgs, a "
-        "package that `msggen build` has written, or any source",
+    text = (
+        "compare the definitions of PKG, or of --px4, with those that a running vehicle tells: px4_msgs, a "
+        "package that `msggen build` has written, or any source"
     )
+    add_flag(parser, "--live", text)
     add_link(parser, has_types=False)
     add_output_format(parser)
+    return _check
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ from msggen.cli.chosen_types import expected_types
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.message import add_timeout, settle
 from msggen.cli.names import names_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.table import BOLD, styled
 from msggen.cli.values import Deferred, non_empty
 from msggen.messages.nav_states import MODE_NAMES, SELECTABLE, TAKEOFF, mode_number
@@ -46,44 +46,32 @@ _EXPLAINED = ("TEMPORARILY_REJECTED", "DENIED")
 """The results whose reasons a vehicle shows."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "command",
-        _command,
-        help="send a command such as NAV_TAKEOFF to a running vehicle",
-        description="Send a VehicleCommand to a running vehicle, and print how it is acknowledged. Parameters have "
-        "names, which --list shows with their units; those that are not given are NaN, not set. The command is "
-        "published, so it works in every session, unlike msggen call. A program that flies uses the actions, the "
-        "Offboard mode and the flight modes of msggen.flight instead, which wait until they are done (docs/flight.md).",
-        epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
+@new_command(
+    "command",
+    "send a command such as NAV_TAKEOFF to a running vehicle",
+    "Send a VehicleCommand to a running vehicle, and print how it is acknowledged. Parameters have "
+    "names, which --list shows with their units; those that are not given are NaN, not set. The command is "
+    "published, so it works in every session, unlike msggen call. A program that flies uses the actions, the "
+    "Offboard mode and the flight modes of msggen.flight instead, which wait until they are done (docs/flight.md).",
+    epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(
+        parser, "command", "COMMAND", non_empty, f"such as NAV_TAKEOFF, or {', '.join((*SHORT, _MODE))}", nargs="?"
     )
-    parser.add_argument(
-        "command",
-        metavar="COMMAND",
-        nargs="?",
-        type=non_empty,
-        help=f"such as NAV_TAKEOFF, or {', '.join((*SHORT, _MODE))}",
+    text = (
+        "parameters of the command, such as altitude=500, and fields of VehicleCommand; after mode, the name of a "
+        "mode, such as hold; after takeoff, a height in m above the ground"
     )
-    parser.add_argument(
-        "parameters",
-        metavar="NAME=VALUE",
-        nargs="*",
-        type=non_empty,
-        help="parameters of the command, such as altitude=500, and fields of VehicleCommand; after mode, the name of a "
-        "mode, such as hold; after takeoff, a height in m above the ground",
-    )
-    parser.add_argument("--list", action="store_true", help="list all commands, or the parameters of one")
-    parser.add_argument(
-        "--target",
-        metavar="SYSTEM[:COMPONENT]",
-        type=_target,
-        help="ids of the vehicle, 0 for all (default: those in its VehicleStatus)",
-    )
+    add_value(parser, "parameters", "NAME=VALUE", non_empty, text, nargs="*")
+    add_flag(parser, "--list", "list all commands, or the parameters of one")
+    text = "ids of the vehicle, 0 for all (default: those in its VehicleStatus)"
+    add_value(parser, "--target", "SYSTEM[:COMPONENT]", _target, text)
     add_timeout(parser)
     add_shared(parser, "--json")
     add_link(parser)
+    return _command
 
 
 def _command(options: argparse.Namespace) -> int:
@@ -149,6 +137,7 @@ def _send(options: argparse.Namespace, found: Connection) -> int:
 def _outcome(options: argparse.Namespace, found: Connection, name: str, message: Any) -> _Outcome:
     """Send the command, and wait for the answer."""
     from msggen.link.link import LinkTimeoutError
+    from msggen.messages.packages import package_of_class
     from msggen.vehicle.command import COMMAND, acknowledges, reasons_of, send_command
 
     def progress(answer: Any) -> None:
@@ -162,16 +151,9 @@ def _outcome(options: argparse.Namespace, found: Connection, name: str, message:
         answer = send_command(found.vehicle, message, options.timeout, progress)
     except LinkTimeoutError as error:
         return _Outcome("NONE", f"{error} for system {message.target_system}")
-    result = _result(answer)
+    result = str(package_of_class(type(answer)).meaning.of(answer, "result").name)  # or its number
     reasons = reasons_of(found.vehicle, message, f"`msggen command {_MODE} hold`") if result in _EXPLAINED else ()
     return _Outcome(result, _details(answer), answer, reasons)
-
-
-def _result(answer: Any) -> str:
-    """Return the result by name, or its number if the definition has no name for it."""
-    from msggen.messages.packages import package_of_class
-
-    return str(package_of_class(type(answer)).meaning.of(answer, "result").name)
 
 
 def _details(answer: Any) -> str:

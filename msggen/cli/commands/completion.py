@@ -10,12 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from msggen.base.exit_codes import DONE
 from msggen.base.foreign import unguarded
 from msggen.cli.commands.call import request_like
 from msggen.cli.message import values_like
 from msggen.cli.names import names_of
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Run, new_command
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -27,24 +26,22 @@ _CONTROL = frozenset(map(chr, (*range(0x20), *range(0x7F, 0xA0))))
 """Control characters. Paths keep other characters that are not printable, such as the spaces that macOS writes."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "completion",
-        _completion,
-        help="print the script that completes commands in a shell",
-        description="Print the script with which a shell completes the commands of msggen, their options, and names of "
-        "messages, topics, fields, releases, rules and boards. docs/build.md shows how to install it.",
-    )
+@new_command(
+    "completion",
+    "print the script that completes commands in a shell",
+    "Print the script with which a shell completes the commands of msggen, their options, and names of "
+    "messages, topics, fields, releases, rules and boards. docs/build.md shows how to install it.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     parser.add_argument("shell", choices=_SHELLS, metavar="SHELL", help=", ".join(_SHELLS))
+    return _completion
 
 
-def _completion(options: argparse.Namespace) -> int:
+def _completion(options: argparse.Namespace) -> None:
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(["msggen"], shell=options.shell), file=unguarded(sys.stdout))
-    return DONE
 
 
 def complete() -> None:
@@ -173,9 +170,10 @@ def _rules(_: argparse.Namespace) -> Iterable[str]:
 
 def _explained(options: argparse.Namespace) -> Iterable[str]:
     from msggen.base.diagnostics import CODES
+    from msggen.show.report.explained import OF_COMMANDS
     from msggen.show.report.rules import MARKS
 
-    return [*_rules(options), *(mark for mark in MARKS if " " not in mark), *CODES]
+    return [*_rules(options), *(each for each in (*MARKS, *OF_COMMANDS) if " " not in each), *CODES]
 
 
 _NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {

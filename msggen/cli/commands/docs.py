@@ -11,7 +11,7 @@ from msggen.base.diagnostics import counted, input_error
 from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.breaking import previous_sources
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
+from msggen.cli.options import WRITING_CODES, Run, add_shared, add_sources, add_value, new_command, writes
 from msggen.cli.printing import print_notices, print_plan, stale_lines
 from msggen.cli.source_options import settings_of, source_here, sources_of
 from msggen.cli.values import local_path
@@ -25,35 +25,28 @@ _FEW = 10
 """The largest number of stale files that are listed."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "docs",
-        _docs,
-        writes=True,
-        help="write pages about the messages, topics and enums",
-        description="Write a site about messages, topics of the bridge and enums: by default of the tree in the "
-        "current folder, or else of the newest embedded release. Open site/index.html in a browser.",
-        epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
-    )
+@new_command(
+    "docs",
+    "write pages about the messages, topics and enums",
+    "Write a site about messages, topics of the bridge and enums: by default of the tree in the "
+    "current folder, or else of the newest embedded release. Open site/index.html in a browser.",
+    epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
+    writes=True,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_sources(parser, "--board", "--against")
     output = parser.add_argument_group("output")
     add_shared(output, "-o, --output")
     output.add_argument(
         "--format", choices=_FORMATS, default=_FORMATS[0], metavar="FORMAT", help="html, markdown (default: html)"
     )
-    output.add_argument(
-        "--project",
-        metavar="DIR",
-        type=local_path,
-        nargs="?",
-        const=os.curdir,
-        help="add README.md and docs/*.md of a project (default: of the current folder)",
-    )
+    text = "add README.md and docs/*.md of a project (default: of the current folder)"
+    add_value(output, "--project", "DIR", local_path, text, nargs="?", const=os.curdir)
     output.add_argument("--home", metavar="URL", help="link to this page in the header, for a site in another site")
     add_shared(output, "--check", "--diff")
     add_shared(parser, "-q, --quiet")
+    return _docs
 
 
 def _docs(options: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.chosen_types import known_types
 from msggen.cli.link import add_link, link_errors, link_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_output_format, add_shared, add_value, new_command
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_notices, print_report
 from msggen.cli.source_options import settings_of
@@ -35,43 +35,34 @@ _LEAST = 1.0
 """The time in s for which `check --live` watches a vehicle. It goes on until the vehicle has told its definitions."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "doctor",
-        _doctor,
-        help="find out why nothing arrives from a vehicle, or why it does not follow setpoints",
-        description=f"Watch a link to a vehicle, by default for {_SECONDS:g} s, and say why nothing arrives, or not "
-        "what a program expects, or why the vehicle does not follow setpoints: the port, agents, the session, names, "
-        "definitions, times, rates, losses, and what programs send, in this order. Nothing is changed at the vehicle.",
-        epilog="Examples: `msggen doctor`, `msggen doctor /fmu/out/vehicle_status`, `msggen doctor --types px4_types "
-        f"--link dds://0`. Exit codes: 0 nothing found, 1 findings, {FAILED_CODES}",
+@new_command(
+    "doctor",
+    "find out why nothing arrives from a vehicle, or why it does not follow setpoints",
+    f"Watch a link to a vehicle, by default for {_SECONDS:g} s, and say why nothing arrives, or not "
+    "what a program expects, or why the vehicle does not follow setpoints: the port, agents, the session, names, "
+    "definitions, times, rates, losses, and what programs send, in this order. Nothing is changed at the vehicle.",
+    epilog="Examples: `msggen doctor`, `msggen doctor /fmu/out/vehicle_status`, `msggen doctor --types px4_types "
+    f"--link dds://0`. Exit codes: 0 nothing found, 1 findings, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = (
+        "topic that does not arrive, as the program has it, such as /fmu/out/vehicle_status, vehicle_status or "
+        "VehicleStatus; or a topic that the vehicle reads, such as trajectory_setpoint (default: all)"
     )
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        type=non_empty,
-        help="topic that does not arrive, as the program has it, such as /fmu/out/vehicle_status, vehicle_status or "
-        "VehicleStatus; or a topic that the vehicle reads, such as trajectory_setpoint (default: all)",
-    )
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="*")
     add_shared(parser, "--for")
     add_link(parser)
     add_output_format(parser)
     add_shared(parser, "--json")
-    parser.add_argument(
-        "-v",
-        "--verbose",
-        action="store_true",
-        help="list all topics and definitions that differ, if the vehicle has another release",
-    )
+    add_flag(parser, "-v, --verbose", "list all topics and definitions that differ, if the vehicle has another release")
+    return _doctor
 
 
 def _doctor(options: argparse.Namespace) -> int:
     options.output_format = "json" if options.json else options.output_format
     is_brief = options.output_format in _FOR_PEOPLE and not options.verbose
-    report = report_on(options, options.topics, getattr(options, "for") or _SECONDS, is_brief=is_brief)
+    report = report_on(options, options.topics, options.seconds or _SECONDS, is_brief=is_brief)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 

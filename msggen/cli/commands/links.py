@@ -9,9 +9,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_address, add_allowed, add_types, link_errors, link_of, router
-from msggen.cli.options import Commands, add_command, add_group, add_shared
+from msggen.cli.options import Run, add_flag, add_shared, add_value, new_command, new_group
 from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
 from msggen.link.link_types import LINK_TYPES, usages
@@ -27,58 +26,54 @@ _UNSENT = "not sent, because they came late"
 _SHARED = tuple(scheme for scheme, link_type in LINK_TYPES.items() if link_type.is_shared)
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    actions = add_group(
-        commands,
-        "link",
-        help="own a link for other programs, list the processes that do, and stop one",
-        description="One process can open a link. The first program that needs it starts a process that owns it for "
-        "all programs of the user, and that ends by itself when none uses it for a while.",
-    )
-    _add_serve(actions)
-    listing = add_command(
-        actions,
-        "list",
-        _list,
-        help="list the processes that own a link",
-        description="List the processes that own a link, with their vehicles, and the programs that use them.",
-    )
-    add_shared(listing, "--json")
-    stopping = add_command(
-        actions,
-        "stop",
-        _stop,
-        help="stop the process that owns a link",
-        description="Stop the process that owns a link. Programs that use the link start another one, which continues "
-        "the session of the vehicle.",
-    )
-    stopping.add_argument(
-        "link", metavar="URL", nargs="?", type=non_empty, help="address of the link (default: the only one)"
-    )
-
-
-def _add_serve(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "serve",
-        _serve,
-        help="own a link until Ctrl-C, and tell who uses it",
-        description="Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
-        "vehicles connect, which programs join, and in a terminal how many samples arrive.",
-    )
-    parser.add_argument("url", metavar="URL", nargs="?", type=non_empty, help="address of the link, instead of --link")
+@new_command(
+    "serve",
+    "own a link until Ctrl-C, and tell who uses it",
+    "Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
+    "vehicles connect, which programs join, and in a terminal how many samples arrive.",
+)
+def _add_serve(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "url", "URL", non_empty, "address of the link, instead of --link", nargs="?")
     add_address(parser)
     add_allowed(parser)
-    parser.add_argument(
-        "--zenoh",
-        metavar="tcp/HOST:PORT",
-        type=router,
-        help="also carry the vehicles to Zenoh, for programs on other computers and ROS 2: this is the address of a "
-        "router, which this process is itself if the port is free; ?config=FILE after it names a configuration",
+    text = (
+        "also carry the vehicles to Zenoh, for programs on other computers and ROS 2: this is the address of a "
+        "router, which this process is itself if the port is free; ?config=FILE after it names a configuration"
     )
+    add_value(parser, "--zenoh", "tcp/HOST:PORT", router, text)
     add_types(parser)
-    parser.add_argument("--background", action="store_true", help="return when programs can join")
+    add_flag(parser, "--background", "return when programs can join")
+    return _serve
+
+
+@new_command(
+    "list",
+    "list the processes that own a link",
+    "List the processes that own a link, with their vehicles, and the programs that use them.",
+)
+def _add_list(parser: argparse.ArgumentParser) -> Run:
+    add_shared(parser, "--json")
+    return _list
+
+
+@new_command(
+    "stop",
+    "stop the process that owns a link",
+    "Stop the process that owns a link. Programs that use the link start another one, which continues "
+    "the session of the vehicle.",
+)
+def _add_stop(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "link", "URL", non_empty, "address of the link (default: the only one)", nargs="?")
+    return _stop
+
+
+add_to = new_group(
+    "link",
+    "own a link for other programs, list the processes that do, and stop one",
+    "One process can open a link. The first program that needs it starts a process that owns it for "
+    "all programs of the user, and that ends by itself when none uses it for a while.",
+    (_add_serve, _add_list, _add_stop),
+)
 
 
 def _wanted(options: argparse.Namespace, named: str = "--link", *, is_networked: bool = False) -> tuple[Place, Wanted]:
@@ -100,7 +95,7 @@ def _wanted(options: argparse.Namespace, named: str = "--link", *, is_networked:
         return place_of(address), Wanted(address, tuple(options.allow))
 
 
-def _serve(options: argparse.Namespace) -> int:
+def _serve(options: argparse.Namespace) -> None:
     from msggen.vehicle.owned.joining import start_owner
 
     if options.url and options.link:
@@ -111,7 +106,7 @@ def _serve(options: argparse.Namespace) -> int:
     with link_errors(str(wanted.address)):
         if not options.background:
             _own(place, wanted, options.zenoh, types)
-            return DONE
+            return
         if options.zenoh:
             from msggen.cli.commands.networked import PROCESS, setup_of
 
@@ -119,7 +114,6 @@ def _serve(options: argparse.Namespace) -> int:
         else:
             start_owner(place, wanted, stays=True)
         print(f"{wanted.address} is open; its log is {place.log}")
-    return DONE
 
 
 def _types_of_network(options: argparse.Namespace, wanted: Wanted) -> ModuleType | None:
@@ -167,15 +161,14 @@ def _own(place: Place, wanted: Wanted, zenoh: str | None, types: ModuleType | No
         serve(place, wanted.address, wanted.allow, idle=never, ready=ready)
 
 
-def _list(options: argparse.Namespace) -> int:
+def _list(options: argparse.Namespace) -> None:
     found = _running()
     if options.json:
         print(dump(objects_of(_COLUMNS, found)))
-        return DONE
+        return
     if not found:
         print("no process owns a link")
     print_table(_COLUMNS, found, _programs)
-    return DONE
 
 
 def _programs(running: Running) -> list[str]:
@@ -196,7 +189,7 @@ def _running() -> list[Running]:
         return running()
 
 
-def _stop(options: argparse.Namespace) -> int:
+def _stop(options: argparse.Namespace) -> None:
     from msggen.vehicle.owned.owners import stop
 
     place = _place_to_stop(options)
@@ -204,7 +197,6 @@ def _stop(options: argparse.Namespace) -> int:
     with link_errors(place.name, has_owner=False):
         stop(place)
         print(f"{address or place.name} is closed")
-    return DONE
 
 
 def _place_to_stop(options: argparse.Namespace) -> Place:

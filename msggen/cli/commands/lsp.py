@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import argparse
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.logs import log_to_stderr
-from msggen.cli.options import FAILED_CODES, Commands, add_command
+from msggen.cli.options import FAILED_CODES, Run, new_command
 from msggen.cli.packages import needing
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    add_command(
-        commands,
-        "lsp",
-        _lsp,
-        help="serve an editor: problems, hover, completion, renaming and fixes in definitions",
-        description="Serve an editor by the Language Server Protocol on standard input and output, for .msg and .srv "
-        "files, dds_topics.yaml and [tool.msggen] of pyproject.toml. Editors start it by themselves.",
-        epilog=f"Exit codes: 0 ended by the editor, {FAILED_CODES} It needs the extra `lsp`. docs/editor.md has the "
-        "settings of Neovim, Visual Studio Code, Emacs and Helix.",
-    )
+@new_command(
+    "lsp",
+    "serve an editor: problems, hover, completion, renaming and fixes in definitions",
+    "Serve an editor by the Language Server Protocol on standard input and output, for .msg and .srv "
+    "files, dds_topics.yaml and [tool.msggen] of pyproject.toml. Editors start it by themselves.",
+    epilog=f"Exit codes: 0 ended by the editor, {FAILED_CODES} It needs the extra `lsp`. docs/editor.md has the "
+    "settings of Neovim, Visual Studio Code, Emacs and Helix.",
+)
+def add_to(_: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    return _lsp
 
 
-def _lsp(options: argparse.Namespace) -> int:
+def _lsp(options: argparse.Namespace) -> None:
     del options
     with needing("lsp", "L111"):
         from msggen.lsp.features import make_server
 
     log_to_stderr("lsp")
     make_server().start_io()
-    return DONE

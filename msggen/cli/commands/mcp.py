@@ -10,38 +10,31 @@ from typing import Any
 
 from msggen.base.diagnostics import input_error
 from msggen.base.disk.urls import is_address
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link
 from msggen.cli.logs import log_to_stderr
-from msggen.cli.options import FAILED_CODES, Commands, add_command
+from msggen.cli.options import FAILED_CODES, Run, add_value, new_command
 from msggen.cli.packages import check_reading, needing
 from msggen.cli.pictures import import_matplotlib
 from msggen.cli.values import recording
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "mcp",
-        _mcp,
-        help="serve an assistant: definitions, recordings, findings, plots, and what is wrong on a link",
-        description="Serve an assistant by the Model Context Protocol on standard input and output. It reads: "
-        "definitions, recordings below the folders that are named, and what a vehicle sends. It writes, publishes and "
-        "arms nothing. Assistants start it by themselves.",
-        epilog=f"Exit codes: 0 ended by the assistant, {FAILED_CODES} It needs the extra `mcp`.",
-    )
-    parser.add_argument(
-        "places",
-        metavar="FOLDER",
-        nargs="*",
-        type=recording,
-        help="folder, recording or address, s3://BUCKET/PREFIX, with all that may be read (default: no recordings)",
-    )
+@new_command(
+    "mcp",
+    "serve an assistant: definitions, recordings, findings, plots, and what is wrong on a link",
+    "Serve an assistant by the Model Context Protocol on standard input and output. It reads: "
+    "definitions, recordings below the folders that are named, and what a vehicle sends. It writes, publishes and "
+    "arms nothing. Assistants start it by themselves.",
+    epilog=f"Exit codes: 0 ended by the assistant, {FAILED_CODES} It needs the extra `mcp`.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = "folder, recording or address, s3://BUCKET/PREFIX, with all that may be read (default: no recordings)"
+    add_value(parser, "places", "FOLDER", recording, text, nargs="*")
     add_link(parser)
+    return _mcp
 
 
-def _mcp(options: argparse.Namespace) -> int:
+def _mcp(options: argparse.Namespace) -> None:
     for each in options.places:
         if not (is_address(each) or os.path.exists(each)):
             raise input_error(each, "R102", "cannot be read: there is no such folder", 0)
@@ -64,4 +57,3 @@ def _mcp(options: argparse.Namespace) -> int:
         server.run()
     finally:
         signal.signal(signal.SIGINT, before)
-    return DONE

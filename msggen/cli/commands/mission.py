@@ -6,8 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import Diagnostic, InputError, counted, printable, sorted_out
-from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command, add_group, add_shared
+from msggen.cli.options import Run, add_repeatable, add_shared, add_value, new_command, new_group
 from msggen.cli.printing import print_notices
 from msggen.cli.values import local_path, non_empty
 
@@ -15,34 +14,27 @@ if TYPE_CHECKING:
     from msggen.flight.missions import Plan
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    actions = add_group(
-        commands,
-        "mission",
-        help="check mission files",
-        description="Check files of missions, which programs fly with msggen.flight, or with px4-ros2-interface-lib.",
-    )
-    check = add_command(
-        actions,
-        "check",
-        _check,
-        help="report what is wrong in mission files",
-        description="Report all errors and warnings in mission files, with their places, and what the files have.",
-    )
-    check.add_argument("files", metavar="FILE", type=local_path, nargs="+", help="mission file, JSON of version 1")
-    check.add_argument(
-        "--action",
-        metavar="NAME",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="an action of your program, such as takePhoto; repeatable",
-    )
-    add_shared(check, "--strict", "--json")
+@new_command(
+    "check",
+    "report what is wrong in mission files",
+    "Report all errors and warnings in mission files, with their places, and what the files have.",
+)
+def _add_check(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "files", "FILE", local_path, "mission file, JSON of version 1", nargs="+")
+    add_repeatable(parser, "--action", "NAME", non_empty, "an action of your program, such as takePhoto")
+    add_shared(parser, "--strict", "--json")
+    return _check
 
 
-def _check(options: argparse.Namespace) -> int:
+add_to = new_group(
+    "mission",
+    "check mission files",
+    "Check files of missions, which programs fly with msggen.flight, or with px4-ros2-interface-lib.",
+    (_add_check,),
+)
+
+
+def _check(options: argparse.Namespace) -> None:
     from msggen.flight.missions import read_mission
 
     plans: dict[str, Plan] = {}
@@ -59,12 +51,11 @@ def _check(options: argparse.Namespace) -> int:
         from msggen.show.report.json import dump
 
         print(dump([_facts(path, plan) for path, plan in plans.items()]))
-        return DONE
+        return
     for path, plan in plans.items():
         facts = _facts(path, plan)
         counts = f"{counted(facts['items'], 'item')}, {counted(facts['waypoints'], 'waypoint')}"
         print(f"{printable(path)}: {counts}, {facts['length']:,.0f} m between them")
-    return DONE
 
 
 def _facts(path: str, plan: Plan) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from math import inf
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
@@ -11,7 +12,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.commands.record import add_topics, check_packages
 from msggen.cli.link import agent_of, link_errors
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command
 from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.screen import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
@@ -30,46 +31,39 @@ _NOTICE = 2.0
 """The time in s without a program after which to say so."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "play",
-        _play,
-        help="publish a recording as the vehicle did",
-        description="Play an MCAP file in place of a vehicle: connect to a program that uses msggen.live, to another "
-        "msggen command, or to an agent, as PX4's client does, and publish the recorded samples at their times.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no program answered, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "file", metavar="FILE", type=local_path, help="recording of `msggen record` or `ros2 bag record`, an MCAP file"
-    )
+@new_command(
+    "play",
+    "publish a recording as the vehicle did",
+    "Play an MCAP file in place of a vehicle: connect to a program that uses msggen.live, to another "
+    "msggen command, or to an agent, as PX4's client does, and publish the recorded samples at their times.",
+    epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no program answered, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "file", "FILE", local_path, "recording of `msggen record` or `ros2 bag record`, an MCAP file")
     add_topics(parser, "play")
-    parser.add_argument(
-        "--to",
-        metavar="ADDRESS",
-        type=non_empty,
-        help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
-    )
-    parser.add_argument("--rate", metavar="FACTOR", type=positive, default="1", help="speed (default: 1)")
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--start", metavar="SECONDS", type=seconds, help="begin at this time of the recording")
+    text = f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})"
+    add_value(parser, "--to", "ADDRESS", non_empty, text)
+    add_value(parser, "--rate", "FACTOR", positive, "speed (default: 1)", default="1")
+    add_flag(parser, "--loop", "begin again at the end")
+    add_value(parser, "--start", "SECONDS", seconds, "begin at this time of the recording")
     add_shared(parser, "--for")
-    parser.add_argument(
-        "--key", metavar="N", type=KEY, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
-    )
+    add_value(parser, "--key", "N", KEY, "key of the client, as UXRCE_DDS_KEY (default: 1)", default="1")
     add_shared(parser, "-q, --quiet")
+    return _play
 
 
 def _play(options: argparse.Namespace) -> int:
     check_packages("R102")
     check_reading("R102")
     from msggen.exports.player import Player, endpoints_of
+    from msggen.recordings.log import opening
     from msggen.recordings.source.source import RecordingError
 
     options.to = agent_of(options, options.to)
     _check_client(options.to)
-    recording = _open(options)
+    with read_errors(options.file):
+        recording = opening.open(options.file)
     if options.start and options.start * 1e9 > recording.end - recording.start:
         options.parser.error(f"argument --start: the recording has {(recording.end - recording.start) / 1e9:.1f} s")
     endpoints = endpoints_of(recording, _choice(options, recording), options.key)
@@ -95,13 +89,6 @@ def _play(options: argparse.Namespace) -> int:
         return DONE
     print(f"no program answered at {options.to}: nothing was played", file=sys.stderr)
     return FINDINGS
-
-
-def _open(options: argparse.Namespace) -> Log:
-    from msggen.recordings.log import opening
-
-    with read_errors(options.file):
-        return opening.open(options.file)
 
 
 def _choice(options: argparse.Namespace, recording: Log) -> Choice:
@@ -151,8 +138,7 @@ def _runner(options: argparse.Namespace, player: Player) -> Runner:
 
 def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
     """Run until all is sent or the time is over, and print what happens."""
-    duration = getattr(options, "for")  # a keyword
-    end = None if duration is None else runner.now + duration * 1e6
+    end = runner.now + (options.seconds or inf) * 1e6
     notice = None if options.quiet else runner.now + _NOTICE * 1e6
     status = Status(is_quiet=options.quiet)
 
@@ -161,9 +147,8 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
 
     try:
         with link_errors(options.to, has_owner=False):
-            while not player.is_done and (end is None or runner.now < end):
-                rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
-                runner.serve(rest, lambda: player.is_done)
+            while not player.is_done and runner.now < end:
+                runner.serve(min(_REFRESH, (end - runner.now) / 1e6), lambda: player.is_done)
                 if player.changes:
                     notice = None
                 elif notice is not None and runner.now >= notice:

@@ -5,24 +5,22 @@ from __future__ import annotations
 import argparse
 import os
 
-from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Run, add_value, new_command
 from msggen.cli.values import local_path, non_empty
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "px4-generate",
-        _generate,
-        writes=True,
-        help="run the firmware's own templates in place of its scripts",
-        description="Generate the same files as the firmware's px_generate_uorb_topic_files.py and "
-        "generate_dds_topics.py, from the same templates and arguments. Files that would not change are not written.",
-    )
+@new_command(
+    "px4-generate",
+    "run the firmware's own templates in place of its scripts",
+    "Generate the same files as the firmware's px_generate_uorb_topic_files.py and "
+    "generate_dds_topics.py, from the same templates and arguments. Files that would not change are not written.",
+    writes=True,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     _add_messages(parser)
     _add_bridge(parser)
+    return _generate
 
 
 def _add_messages(parser: argparse.ArgumentParser) -> None:
@@ -35,36 +33,25 @@ def _add_messages(parser: argparse.ArgumentParser) -> None:
         ("--uorb-idl-header", "headers for Cyclone DDS"),
     ):
         kind.add_argument(option, dest="kind", action="store_const", const=option, help=text)
-    messages.add_argument("-f", dest="file", metavar="FILE", type=local_path, nargs="+", help=".msg files")
-    messages.add_argument(
-        "-i",
-        dest="include_paths",
-        metavar="DIR",
-        type=local_path,
-        nargs="*",
-        help="folders of the messages that they nest",
+    add_value(messages, "-f", "FILE", local_path, ".msg files", dest="file", nargs="+")
+    add_value(
+        messages, "-i", "DIR", local_path, "folders of the messages that they nest", dest="include_paths", nargs="*"
     )
-    messages.add_argument("-o", dest="outputdir", metavar="DIR", type=local_path, help="folder to write to")
-    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=local_path, help="folder of templates")
-    messages.add_argument(
-        "-k", dest="package", metavar="NAME", type=non_empty, default="px4", help="package name (default: px4)"
-    )
+    add_value(messages, "-o", "DIR", local_path, "folder to write to", dest="outputdir")
+    add_value(messages, "-e", "DIR", local_path, "folder of templates", dest="templatedir")
+    add_value(messages, "-k", "NAME", non_empty, "package name (default: px4)", dest="package", default="px4")
     messages.add_argument("-p", dest="prefix", metavar="PREFIX", help="accepted and ignored, as by the script")
 
 
 def _add_bridge(parser: argparse.ArgumentParser) -> None:
     bridge = parser.add_argument_group("bridge (generate_dds_topics.py)")
-    bridge.add_argument(
-        "-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=local_path, help="dds_topics.yaml"
-    )
-    bridge.add_argument("-t", "--template_file", metavar="FILE", type=local_path, help="template file")
-    bridge.add_argument(
-        "-u", "--client-outdir", dest="clientdir", metavar="DIR", type=local_path, help="folder to write to"
-    )
+    add_value(bridge, "-y, --dds-topics-file", "FILE", local_path, "dds_topics.yaml", dest="yaml_file")
+    add_value(bridge, "-t, --template_file", "FILE", local_path, "template file")
+    add_value(bridge, "-u, --client-outdir", "DIR", local_path, "folder to write to", dest="clientdir")
     bridge.add_argument("-m", "--topic-msg-dir", metavar="DIR", help="accepted and ignored: an option of older scripts")
 
 
-def _generate(options: argparse.Namespace) -> int:
+def _generate(options: argparse.Namespace) -> None:
     wants_bridge = any((options.yaml_file, options.template_file, options.clientdir))
     if wants_bridge and (options.kind or options.file):
         options.parser.error("options for messages and for the bridge cannot be combined: use two runs")
@@ -72,7 +59,6 @@ def _generate(options: argparse.Namespace) -> int:
     from msggen.base.disk.output import write_stale_files
 
     write_stale_files(folder, files)
-    return DONE
 
 
 def _messages(options: argparse.Namespace) -> tuple[str, dict[str, str]]:

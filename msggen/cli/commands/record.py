@@ -10,15 +10,25 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error
-from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import MCAP
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_repeatable, add_shared, check_free, refuse
+from msggen.cli.options import (
+    ENDED_CODES,
+    Run,
+    add_flag,
+    add_repeatable,
+    add_shared,
+    add_value,
+    check_free,
+    new_command,
+    refuse,
+)
 from msggen.cli.packages import needing
 from msggen.cli.printing import discard_output, number_of_bytes
 from msggen.cli.screen import Status
@@ -27,8 +37,7 @@ from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
-    from msggen.exports.recorder import Counts, Recorder
-    from msggen.exports.vehicle_definitions import Definitions
+    from msggen.exports.recorder import Counts, Definitions, Recorder
     from msggen.recordings.topics.choice import Choice
     from msggen.vehicle.vehicle import Vehicle
 
@@ -44,64 +53,40 @@ _SINCE_BOOT = (
 """What is said of a recording of a vehicle on Zenoh."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "record",
-        _record,
-        help="record the topics of a running vehicle in an MCAP file",
-        description="Record what a running vehicle publishes, and on request what programs send to it, in an MCAP "
-        "file, which ros2 bag, Foxglove and `msggen play` read. Ctrl-C ends the recording. The file is whole at any "
-        "time, even if the program is killed.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
-    )
+@new_command(
+    "record",
+    "record the topics of a running vehicle in an MCAP file",
+    "Record what a running vehicle publishes, and on request what programs send to it, in an MCAP "
+    "file, which ros2 bag, Foxglove and `msggen play` read. Ctrl-C ends the recording. The file is whole at any "
+    "time, even if the program is killed.",
+    epilog=ENDED_CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_topics(parser, "record")
-    parser.add_argument(
-        "--direction",
-        choices=("out", "in", "both"),
-        default="out",
-        metavar="WAY",
-        help="record what PX4 publishes (out), what programs on the link publish to PX4 (in), or both (default: out)",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE|DIR",
-        type=local_path,
-        help="file to write, or folder for a file that is named after the time (default: the current folder)",
-    )
+    text = "record what PX4 publishes (out), what programs on the link publish to PX4 (in), or both (default: out)"
+    parser.add_argument("--direction", choices=("out", "in", "both"), default="out", metavar="WAY", help=text)
+    text = "file to write, or folder for a file that is named after the time (default: the current folder)"
+    add_value(parser, "-o, --output", "FILE|DIR", local_path, text)
     add_shared(parser, "--for")
-    parser.add_argument("--max-size", metavar="SIZE", type=_size, help="end at this size of all files, such as 2G")
-    parser.add_argument(
-        "--split-size", metavar="SIZE", type=_size, help="continue in another file at this size, such as 500M"
-    )
-    parser.add_argument(
-        "--split-every", metavar="SECONDS", type=positive, help="continue in another file after this time"
-    )
-    parser.add_argument(
-        "--compression",
-        choices=_COMPRESSIONS,
-        default=_COMPRESSIONS[0],
-        metavar="NAME",
-        help=f"{', '.join(_COMPRESSIONS)} (default: {_COMPRESSIONS[0]})",
-    )
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
+    add_value(parser, "--max-size", "SIZE", _size, "end at this size of all files, such as 2G")
+    add_value(parser, "--split-size", "SIZE", _size, "continue in another file at this size, such as 500M")
+    add_value(parser, "--split-every", "SECONDS", positive, "continue in another file after this time")
+    text = f"{', '.join(_COMPRESSIONS)} (default: {_COMPRESSIONS[0]})"
+    parser.add_argument("--compression", choices=_COMPRESSIONS, default=_COMPRESSIONS[0], metavar="NAME", help=text)
+    add_flag(parser, "--json", "print the summary as JSON, and nothing else")
     add_link(parser)
     add_shared(parser, "-q, --quiet")
+    return _record
 
 
 def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
     """Add the arguments that choose topics to record or to play."""
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        default=[],  # otherwise argparse names it among the required arguments
-        type=non_empty,
-        help=f"topics to {verb}, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
-        "(default: all)",
+    text = (
+        f"topics to {verb}, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
+        "(default: all)"
     )
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="*", default=[])
     add_repeatable(parser, "--exclude", "TOPIC", non_empty, "topic to leave out, spelt as the others")
 
 
@@ -118,8 +103,8 @@ def _size(text: str) -> float:
     return found
 
 
-def _record(options: argparse.Namespace) -> int:
-    from msggen.exports.vehicle_definitions import Definitions
+def _record(options: argparse.Namespace) -> None:
+    from msggen.exports.recorder import Definitions
     from msggen.recordings.topics.choice import Choice
 
     check_packages("R101")
@@ -140,7 +125,6 @@ def _record(options: argparse.Namespace) -> int:
         clock = _clock_of(found.vehicle)
         recorder = _open(options, choice, definitions, clock)
         _Session(options, found, recorder, definitions, clock).run()
-    return DONE
 
 
 def _clock_of(vehicle: Vehicle) -> str:
@@ -258,11 +242,10 @@ class _Session:
 
     def _wait(self) -> None:
         """Wait for the end of the recording, and tell what happens."""
-        seconds = getattr(self._options, "for")  # a keyword
-        end = None if seconds is None else self._start + seconds
+        end = self._start + (self._options.seconds or inf)
         hashes, is_connected = self._definitions.hashes, True
-        while end is None or time.monotonic() < end:
-            if self._recorder.ended.wait(_REFRESH if end is None else min(_REFRESH, end - time.monotonic())):
+        while time.monotonic() < end:
+            if self._recorder.ended.wait(min(_REFRESH, end - time.monotonic())):
                 return
             self._losses.update()
             if self._definitions.is_complete():

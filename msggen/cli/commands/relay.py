@@ -7,18 +7,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
-from logging import ERROR, getLogger
+from logging import ERROR
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error, printable
-from msggen.base.exit_codes import DONE
 from msggen.cli.carrier import PRINTING, SLICE, Carrier, Totals
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command
 from msggen.cli.values import non_empty
-from msggen.cli.watching import watching
+from msggen.cli.watching import telling, watching
 from msggen.link.link import LinkError
-from msggen.vehicle.fleet import clashes, sort
+from msggen.vehicle.fleet import sort
 from msggen.vehicle.hub import OTHERS
 from msggen.vehicle.selection import is_same
 
@@ -31,45 +30,34 @@ _JOIN = 5.0
 """How long to wait in s for a vehicle that has connected before."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "relay",
-        _relay,
-        help="carry the topics of a vehicle to ROS 2 and back, without an agent",
-        description="Carry the topics and the service of a vehicle to ROS 2, as an agent does, until Ctrl-C. It needs "
-        "rclpy, and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition "
-        "differs are refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent "
-        "publishes the topics, only --standard and --translate add topics.",
-        epilog=f"Exit codes: 0 ended by Ctrl-C, {FAILED_CODES}",
+@new_command(
+    "relay",
+    "carry the topics of a vehicle to ROS 2 and back, without an agent",
+    "Carry the topics and the service of a vehicle to ROS 2, as an agent does, until Ctrl-C. It needs "
+    "rclpy, and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition "
+    "differs are refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent "
+    "publishes the topics, only --standard and --translate add topics.",
+    epilog=f"Exit codes: 0 ended by Ctrl-C, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = "topic or pattern, such as vehicle_status or '/fmu/out/*' (default: all topics, in both directions)"
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="*")
+    add_flag(
+        parser, "--standard", "also publish odom, pose, imu, fix and TF, in the frames of ROS; they need no px4_msgs"
     )
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        type=non_empty,
-        help="topic or pattern, such as vehicle_status or '/fmu/out/*' (default: all topics, in both directions)",
-    )
-    parser.add_argument(
-        "--standard",
-        action="store_true",
-        help="also publish odom, pose, imu, fix and TF, in the frames of ROS; they need no px4_msgs",
-    )
-    parser.add_argument(
-        "--translate",
-        action="store_true",
-        help="also carry the versions of messages that px4_msgs and px4_msgs_old have, converted",
+    add_flag(
+        parser, "--translate", "also carry the versions of messages that px4_msgs and px4_msgs_old have, converted"
     )
     add_link(parser)
     add_shared(parser, "-q, --quiet")
+    return _relay
 
 
-def _relay(options: argparse.Namespace) -> int:
+def _relay(options: argparse.Namespace) -> None:
     _check_ros(needs_types=not options.standard)
-    with connection(options) as found:
+    with telling(ERROR, OTHERS), connection(options) as found:  # the others are carried, too
         _run(options, found)
-    return DONE
 
 
 def _check_ros(*, needs_types: bool) -> None:
@@ -100,7 +88,6 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
     """Carry samples of all vehicles until Ctrl-C. Raises InputError if there is nothing to carry."""
     from msggen.ros.relay import interrupt_at_end
 
-    getLogger(OTHERS).setLevel(ERROR)  # they are carried, too
     carriers, begun = _Carriers(options, found), time.monotonic()
     try:
         with watching(), _started(), interrupt_at_end() as is_interrupted, closing(carriers):
@@ -141,9 +128,8 @@ class _Carriers:
         deadline = time.monotonic() + _OTHERS
         while not self._found.vehicle.is_settled and time.monotonic() < deadline and not is_interrupted():
             time.sleep(SLICE)
-        found = clashes(self._present())
-        if found:
-            raise input_error(self._found.link, "L105", found[0], 0)
+        for _, reason in sort((), self._present()).refused:
+            raise input_error(self._found.link, "L105", reason, 0)
 
     def look(self) -> None:
         """Carry vehicles that have connected. Raises the error of a vehicle that cannot be carried, if it is alone."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import NamedTuple
+from operator import itemgetter
 
-from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Run, new_command
 from msggen.cli.table import DIM, Column, print_table
 
 _MESSAGES = ("msg/", "msg/versioned/")
@@ -17,40 +16,27 @@ _TOPICS = re.compile(r"^# TOPICS (.*)", re.MULTILINE)
 _ENDPOINT = re.compile(r"^ *- +(?:\{ *)?topic:", re.MULTILINE)
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    add_command(
-        commands,
-        "releases",
-        _releases,
-        help="list the embedded releases of PX4",
-        description="List the releases of PX4 whose definitions are part of msggen. `--px4 v1.16` names one of them.",
-    )
+@new_command(
+    "releases",
+    "list the embedded releases of PX4",
+    "List the releases of PX4 whose definitions are part of msggen. `--px4 v1.16` names one of them.",
+)
+def add_to(_: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    return _releases
 
 
-def _releases(_: argparse.Namespace) -> int:
+def _releases(_: argparse.Namespace) -> None:
     from msggen.sources.embedded import EMBEDDED
 
-    print_table(_COLUMNS, [_Row(release, counts(release), is_default=release == EMBEDDED[0]) for release in EMBEDDED])
-    return DONE
-
-
-class _Row(NamedTuple):
-    """A release, and its numbers of messages, services, topics and endpoints."""
-
-    release: str
-    counts: tuple[int, ...]
-    is_default: bool
-
-
-_COLUMNS: tuple[Column[_Row], ...] = (
-    Column("", "release", lambda row: row.release),
-    Column("", "messages", lambda row: row.counts[0], align=">"),
-    Column("", "services", lambda row: row.counts[1], align=">"),
-    Column("", "topics", lambda row: row.counts[2], align=">"),
-    Column("", "endpoints", lambda row: row.counts[3], align=">"),
-    Column("", " ", lambda row: "default" if row.is_default else "", style=lambda _: DIM),
-)
+    numbers = ("messages", "services", "topics", "endpoints")
+    columns = [
+        Column("", "release", itemgetter(0)),
+        *(Column("", name, itemgetter(place), align=">") for place, name in enumerate(numbers, 1)),
+        Column("", " ", itemgetter(5), style=lambda _: DIM),
+    ]
+    default = dict.fromkeys(EMBEDDED, "") | {EMBEDDED[0]: "default"}
+    print_table(columns, [(release, *counts(release), default[release]) for release in EMBEDDED])
 
 
 def counts(release: str) -> tuple[int, ...]:

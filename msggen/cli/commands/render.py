@@ -11,7 +11,7 @@ from msggen.base.diagnostics import OF_BOARDS, counted
 from msggen.base.disk.depfile import check_depfile, write_depfile
 from msggen.base.disk.output import stale_files, write_stale_files
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
+from msggen.cli.options import WRITING_CODES, Run, add_shared, add_sources, add_value, new_command, writes
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.source_options import settings_of, sources_of
 from msggen.cli.values import local_path, non_empty
@@ -24,46 +24,35 @@ _FEW = 10
 """The largest number of stale files that are listed."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "render",
-        _render,
-        writes=True,
-        help="render a Jinja2 or EmPy template of your own",
-        description="Render a Jinja2 (.j2) or EmPy (.em) template of your own, once for each message, service or "
-        "endpoint, or once for the whole catalog; by default from the newest embedded release.",
-        epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
-    )
+@new_command(
+    "render",
+    "render a Jinja2 or EmPy template of your own",
+    "Render a Jinja2 (.j2) or EmPy (.em) template of your own, once for each message, service or "
+    "endpoint, or once for the whole catalog; by default from the newest embedded release.",
+    epilog=f"{WRITING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
+    writes=True,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     parser.set_defaults(hints={"--output": "with -o -, the text is printed"})
     template = parser.add_argument_group("template")
-    template.add_argument(
-        "--template", metavar="FILE", type=local_path, required=True, help="template file, *.j2 or *.em"
-    )
+    add_value(template, "--template", "FILE", local_path, "template file, *.j2 or *.em", required=True)
     template.add_argument(
         "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (default: message)"
     )
-    template.add_argument(
-        "--message",
-        dest="messages",
-        metavar="NAME",
-        type=non_empty,
-        action="append",
-        help="render only this message; repeatable",
-    )
+    text = "render only this message; repeatable"
+    add_value(template, "--message", "NAME", non_empty, text, dest="messages", action="append")
     add_sources(parser, "--board")
     output = parser.add_argument_group("output", "With -o -, the texts are printed and no file is written.")
     add_shared(output, "-o, --output", required=True)
-    output.add_argument(
-        "--name",
-        metavar="PATTERN",
-        type=non_empty,
-        help="name of each file, in Jinja2, such as '{{ message.name }}.h' (default: "
-        "'{{ message.name | snake_case }}' and the suffix of the template before .j2 or .em)",
+    text = (
+        "name of each file, in Jinja2, such as '{{ message.name }}.h' (default: "
+        "'{{ message.name | snake_case }}' and the suffix of the template before .j2 or .em)"
     )
+    add_value(output, "--name", "PATTERN", non_empty, text)
     add_shared(output, "--check", "--diff", "--depfile", "--list-outputs")
     add_shared(parser, "-q, --quiet")
+    return _render
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -92,7 +81,9 @@ def _render(options: argparse.Namespace) -> int:
     check_each(template, options.each, items)
     if options.output == _STDOUT:
         *texts, last = texts_of(template, items)
-        _print("".join(f"{text}\n" if text and text[-1] != "\n" else text for text in texts) + last)
+        whole = "".join(f"{text}\n" if text and text[-1] != "\n" else text for text in texts) + last
+        sys.stdout.flush()
+        sys.stdout.buffer.write(whole.encode())  # as it would be written to a file: in UTF-8, with the same line ends
         print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
         return DONE
     names = output_names(items, options.each, options.template, options.name)
@@ -133,12 +124,6 @@ def _check_options(options: argparse.Namespace) -> None:
     for other in others if options.output == _STDOUT else ():
         if getattr(options, other):
             options.parser.error(f"-o - writes no file: it cannot be combined with --{other.replace('_', '-')}")
-
-
-def _print(text: str) -> None:
-    """Print `text` as it would be written to a file: in UTF-8, with the same line ends."""
-    sys.stdout.flush()
-    sys.stdout.buffer.write(text.encode())
 
 
 def _report(options: argparse.Namespace, stale: Sequence[str], number: int, label: str) -> Iterator[str]:

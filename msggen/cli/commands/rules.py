@@ -5,50 +5,49 @@ from __future__ import annotations
 import argparse
 import sys
 
-from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
-from msggen.cli.options import Commands, add_command, add_output_format
+from msggen.cli.options import Commands, Run, add_output_format, add_value, new_command
 from msggen.cli.printing import colour, width
 from msggen.cli.values import non_empty
 
 
 def add_to(commands: Commands) -> None:
     """Add both commands to the command line."""
-    rules = add_command(
-        commands,
-        "rules",
-        _rules,
-        help="list the rules of check, breaking and lint",
-        description="List the rules. Optional ones are only applied if they are selected.",
-    )
-    add_output_format(rules, ("full", "json"))
-    explain = add_command(
-        commands,
-        "explain",
-        _explain,
-        help="explain a rule, a category, a mark or an error code",
-        description="Explain a rule with its purpose, an example and a fix, or a category of rules, a mark of findings "
-        "such as 'silent both ways', or an error code.",
-    )
-    explain.add_argument(
-        "rule",
-        metavar="RULE",
-        type=non_empty,
-        help="rule, category, mark or error code, such as FIELD_MOVED, WIRE, handled or M301",
-    )
+    _add_rules(commands)
+    _add_explain(commands)
 
 
-def _rules(options: argparse.Namespace) -> int:
+@new_command(
+    "rules",
+    "list the rules of check, breaking and lint",
+    "List the rules. Optional ones are only applied if they are selected.",
+)
+def _add_rules(parser: argparse.ArgumentParser) -> Run:
+    add_output_format(parser, ("full", "json"))
+    return _rules
+
+
+@new_command(
+    "explain",
+    "explain a rule, a category, a mark or an error code, or list the rules of a command",
+    "Explain a rule with its purpose, an example and a fix, or a category of rules, a mark of findings "
+    "such as 'silent both ways', or an error code; or list the rules of check, breaking, lint, doctor or findings.",
+)
+def _add_explain(parser: argparse.ArgumentParser) -> Run:
+    text = "rule, category, mark, error code or command, such as FIELD_MOVED, WIRE, handled, M301 or doctor"
+    add_value(parser, "rule", "RULE", non_empty, text)
+    return _explain
+
+
+def _rules(options: argparse.Namespace) -> None:
     from msggen.show.report.rules import list_rules, write_json
     from msggen.show.report.table import RULES
 
     is_json = options.output_format == "json"
     print(Styled(write_json(RULES) if is_json else list_rules(RULES, colour=colour(sys.stdout))))
-    return DONE
 
 
-def _explain(options: argparse.Namespace) -> int:
+def _explain(options: argparse.Namespace) -> None:
     from msggen.show.report.explained import explained
 
     print(Styled(explained(options.rule, width=width(), colour=colour(sys.stdout))))
-    return DONE

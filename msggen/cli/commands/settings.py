@@ -6,38 +6,35 @@ import argparse
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.options import Run, add_flag, add_shared, new_command
 from msggen.cli.source_options import settings_of
 from msggen.cli.table import DIM, Column, print_table
-from msggen.sources.settings import SETTINGS, Settings, given_keys
+from msggen.sources.settings import SETTINGS, Settings, given_keys, schema_of_settings
 
 _DEFAULT = "default"
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "settings",
-        _settings,
-        help="list the settings that are in force",
-        description="List the settings of [tool.msggen] in the nearest pyproject.toml, in the current folder or above "
-        "it, with the line that each comes from, and what counts for those that are not set. Paths are those from the "
-        "current folder. Options of a command take precedence.",
-    )
+@new_command(
+    "settings",
+    "list the settings that are in force",
+    "List the settings of [tool.msggen] in the nearest pyproject.toml, in the current folder or above "
+    "it, with the line that each comes from, and what counts for those that are not set. Paths are those from the "
+    "current folder. Options of a command take precedence.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     form = parser.add_mutually_exclusive_group()
     add_shared(form, "--json")
-    form.add_argument("--schema", action="store_true", help="print the JSON Schema of [tool.msggen], for editors")
+    add_flag(form, "--schema", "print the JSON Schema of [tool.msggen], for editors")
+    return _settings
 
 
-def _settings(options: argparse.Namespace) -> int:
+def _settings(options: argparse.Namespace) -> None:
     if options.schema:
         from msggen.show.report.json import dump
-        from msggen.sources.settings_schema import schema_of_settings
 
         print(dump(schema_of_settings()))
-        return DONE
+        return
     rows = list(_rows(settings_of(options)))
     if options.json:
         from msggen.cli.table import objects_of
@@ -46,7 +43,6 @@ def _settings(options: argparse.Namespace) -> int:
         print(dump(objects_of(_COLUMNS, rows)))
     else:
         print_table(_COLUMNS, rows)
-    return DONE
 
 
 class _Row(NamedTuple):

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
+from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from msggen.base.recording_formats import FORMATS
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.commands.sim_arguments import MOST_KEYS, add_arguments
 from msggen.cli.link import agent_of, link_errors, router
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free
+from msggen.cli.options import FAILED_CODES, Run, add_shared, add_value, check_free, new_command
 from msggen.cli.packages import topics_of
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.screen import Status
@@ -39,39 +40,25 @@ _NOTICE = 3_000_000
 """The time in us without a Zenoh router after which to say so."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "sim",
-        _sim,
-        help="simulate vehicles that connect to a program, for tests without PX4",
-        description="Simulate PX4's client: vehicles that fly, publish, and answer commands and format requests, for "
-        "programs that use msggen.live and for other agents of DDS-XRCE. By default, they have the messages of the "
-        "settings or of the PX4-Autopilot tree in the current folder, or else of the newest embedded release.",
-        epilog=f"Exit codes: 0 done, or vehicles ended by Ctrl-C, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "address",
-        metavar="ADDRESS",
-        nargs="?",
-        type=non_empty,
-        help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
-    )
-    parser.add_argument(
-        "--zenoh",
-        metavar="tcp/HOST:PORT",
-        type=router,
-        help="have PX4's module zenoh instead of a client of DDS-XRCE, and this Zenoh router, instead of ADDRESS",
-    )
-    parser.add_argument(
-        "--log",
-        metavar="FILE",
-        type=local_path,
-        help="write a ULog of the vehicle; without ADDRESS, it flies a square by itself, as fast as it can be computed",
-    )
+@new_command(
+    "sim",
+    "simulate vehicles that connect to a program, for tests without PX4",
+    "Simulate PX4's client: vehicles that fly, publish, and answer commands and format requests, for "
+    "programs that use msggen.live and for other agents of DDS-XRCE. By default, they have the messages of the "
+    "settings or of the PX4-Autopilot tree in the current folder, or else of the newest embedded release.",
+    epilog=f"Exit codes: 0 done, or vehicles ended by Ctrl-C, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})"
+    add_value(parser, "address", "ADDRESS", non_empty, text, nargs="?")
+    text = "have PX4's module zenoh instead of a client of DDS-XRCE, and this Zenoh router, instead of ADDRESS"
+    add_value(parser, "--zenoh", "tcp/HOST:PORT", router, text)
+    text = "write a ULog of the vehicle; without ADDRESS, it flies a square by itself, as fast as it can be computed"
+    add_value(parser, "--log", "FILE", local_path, text)
     add_arguments(parser)
     add_shared(parser, "-q, --quiet")
+    return _sim
 
 
 # The run
@@ -116,15 +103,14 @@ def _connected(options: argparse.Namespace, package: ModuleType, label: str, log
 
 def _run(simulator: Simulator, options: argparse.Namespace) -> None:
     """Run until the time is over, and print what happens."""
-    seconds = getattr(options, "for")  # a keyword
-    end = None if seconds is None else simulator.now + seconds * 1e6
+    end = simulator.now + (options.seconds or inf) * 1e6
     status, state = Status(is_quiet=options.quiet), _State(simulator)
     needs_router = parse_address(options.address).link_type.has_router and not options.quiet
     notice = simulator.now + _NOTICE if needs_router else None
     try:
         with link_errors(options.address, has_owner=False):
-            while end is None or simulator.now < end:
-                simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+            while simulator.now < end:
+                simulator.serve(min(_REFRESH, (end - simulator.now) / 1e6))
                 status.show(*_changes(simulator), state=state.line)
                 if notice is not None and any(vehicle.is_connected for vehicle in simulator.vehicles):
                     notice = None
@@ -347,9 +333,8 @@ def fly_alone(options: argparse.Namespace, package: ModuleType, label: str, vehi
     from msggen.sim.alone import BOOT, LoneFlight
 
     flight = LoneFlight(package, vehicle, time.time_ns() // 1000)
-    seconds = getattr(options, "for") or _LONGEST  # a keyword
     with new_log(options, flight.topics, label) as log:
-        flight.run(log, BOOT + round(seconds * 1e6))
+        flight.run(log, BOOT + round((options.seconds or _LONGEST) * 1e6))
     if not options.quiet:
         print(f"{label}: a flight of {(flight.time - BOOT) / 1e6:.1f} s, to {contents_of(log)}")
     return DONE

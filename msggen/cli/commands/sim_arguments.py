@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable
+from collections.abc import Collection
 
-from msggen.cli.options import add_repeatable, add_shared
+from msggen.cli.options import add_flag, add_repeatable, add_shared, add_value
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 
 _SYNCS = ("px4", "short", "off")
@@ -27,46 +27,20 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("vehicles")
     source = group.add_mutually_exclusive_group()
     add_shared(source, "--px4", old="--release")
-    source.add_argument(
-        "--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated, instead of --px4"
+    add_value(source, "--types", "NAME|DIR", local_path, "package that msggen has generated, instead of --px4")
+    text = "multicopter, plane, vtol, tailsitter, rover or differential (default: multicopter)"
+    add_value(group, "--vehicle", "KIND", _vehicle, text, default="multicopter")
+    add_value(group, "--count", "N", whole(1, MOST_KEYS), "number of vehicles (default: 1)", default="1")
+    add_value(group, "--namespace", "NAME", _namespace, "namespace, NAME_1, NAME_2, ... of several (default: uav)")
+    add_value(
+        group, "--key", "N", whole(1, MOST_KEYS), "key of the first vehicle, as UXRCE_DDS_KEY (default: 1)", default="1"
     )
-    group.add_argument(
-        "--vehicle",
-        metavar="KIND",
-        type=_vehicle,
-        default="multicopter",
-        help="multicopter, plane, vtol, tailsitter, rover or differential (default: multicopter)",
-    )
-    group.add_argument(
-        "--count", metavar="N", type=whole(1, MOST_KEYS), default="1", help="number of vehicles (default: 1)"
-    )
-    group.add_argument(
-        "--namespace", metavar="NAME", type=_namespace, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
-    )
-    group.add_argument(
-        "--key",
-        metavar="N",
-        type=whole(1, MOST_KEYS),
-        default="1",
-        help="key of the first vehicle, as UXRCE_DDS_KEY (default: 1)",
-    )
-    group.add_argument(
-        "--board",
-        choices=_BOARDS,
-        default=_BOARDS[0],
-        metavar="BOARD",
-        help="object ids of the firmware of most boards: most; or of px4_sitl: sitl (default: most)",
-    )
-    group.add_argument("--rate", metavar="HZ", type=positive, help="publish all topics at this rate")
-    group.add_argument(
-        "--sync",
-        choices=_SYNCS,
-        metavar="MODE",
-        help="time synchronisation: px4, which takes 5 s; short; off (default: px4, or off with --speed)",
-    )
-    group.add_argument(
-        "--speed", metavar="N", type=positive, help="let the time of vehicles run N times as fast, without --sync"
-    )
+    text = "object ids of the firmware of most boards: most; or of px4_sitl: sitl (default: most)"
+    group.add_argument("--board", choices=_BOARDS, default=_BOARDS[0], metavar="BOARD", help=text)
+    add_value(group, "--rate", "HZ", positive, "publish all topics at this rate")
+    text = "time synchronisation: px4, which takes 5 s; short; off (default: px4, or off with --speed)"
+    group.add_argument("--sync", choices=_SYNCS, metavar="MODE", help=text)
+    add_value(group, "--speed", "N", positive, "let the time of vehicles run N times as fast, without --sync")
     add_repeatable(group, "--param", "NAME=VALUE", _parameter, "set a parameter of PX4, such as COM_MODE_ARM_CHK=1")
     add_repeatable(
         group, "--part", "NAME", _part, "have a part that PX4's simulated multicopter does not have, such as gimbal"
@@ -82,29 +56,20 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
         ("--duplicate", "repeat datagrams"),
         ("--garbage", "send damaged and random datagrams too"),
     ):
-        group.add_argument(option, metavar="SHARE", type=share, default="0", help=text)
-    group.add_argument("--silent-after", metavar="SECONDS", type=positive, help="fall silent for good")
-    group.add_argument("--restart-every", metavar="SECONDS", type=positive, help="restart the client")
-    add_repeatable(
-        group,
-        "--wrong-hash",
-        "MESSAGE",
-        non_empty,
-        "answer format requests with a wrong hash, as of another definition",
-    )
+        add_value(group, option, "SHARE", share, text, default="0")
+    add_value(group, "--silent-after", "SECONDS", positive, "fall silent for good")
+    add_value(group, "--restart-every", "SECONDS", positive, "restart the client")
+    text = "answer format requests with a wrong hash, as of another definition"
+    add_repeatable(group, "--wrong-hash", "MESSAGE", non_empty, text)
     add_repeatable(group, "--version", "MESSAGE=N", _version, "use another version suffix in the topics of a message")
-    group.add_argument(
-        "--clock-off", metavar="SECONDS", type=finite, default="0", help="error of the timestamps of samples"
-    )
-    group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
-    group.add_argument("--no-position", action="store_true", help="have no estimate of the position")
+    add_value(group, "--clock-off", "SECONDS", finite, "error of the timestamps of samples", default="0")
+    add_flag(group, "--no-time-reply", "lose the answers to requests for the time")
+    add_flag(group, "--no-position", "have no estimate of the position")
     add_repeatable(group, "--disturbance", "NAME", _disturbance, "make flying hard, such as wind")
     add_repeatable(
         group, "--fault", "SECONDS:FAULT", _fault, "let something happen, such as 20:no-position or 30:mode=land"
     )
-    group.add_argument(
-        "--seed", metavar="N", type=whole(0, 2**32), default="0", help="of all that is random (default: 0)"
-    )
+    add_value(group, "--seed", "N", whole(0, 2**32), "of all that is random (default: 0)", default="0")
 
 
 @Deferred
@@ -127,7 +92,10 @@ def _parameter(text: str) -> tuple[str, float]:
     from msggen.sim.parameters import check_settable
 
     name, mark, value = text.partition("=")
-    _checked(check_settable, name)
+    try:
+        check_settable(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
     if not mark:
         raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")
     return name, finite.convert(value)
@@ -135,32 +103,33 @@ def _parameter(text: str) -> tuple[str, float]:
 
 @Deferred
 def _vehicle(text: str) -> str:
-    from msggen.sim.airframes import check_vehicle
+    from msggen.sim.airframes import AIRFRAMES
 
-    return _checked(check_vehicle, text)
+    return _checked("vehicle", text, AIRFRAMES)
 
 
 @Deferred
 def _part(text: str) -> str:
-    from msggen.sim.parts import check_part
+    from msggen.sim.parts import PARTS
 
-    return _checked(check_part, text)
+    return _checked("part", text, PARTS)
 
 
 @Deferred
 def _disturbance(text: str) -> str:
-    from msggen.sim.disturbances import check_disturbance
+    from msggen.sim.disturbances import DISTURBANCES
 
-    return _checked(check_disturbance, text)
+    return _checked("disturbance", text, DISTURBANCES)
 
 
-def _checked(check: Callable[[str], None], name: str) -> str:
-    """Return a name that `check` does not refuse."""
+def _checked(what: str, name: str, known: Collection[str]) -> str:
+    """Return a name that is known."""
+    from msggen.sim.parts import checked
+
     try:
-        check(name)
+        return checked(what, name, known)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-    return name
 
 
 @Deferred

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_option, add_shared, add_sources, writes
+from msggen.cli.options import (
+    WRITING_CODES,
+    Run,
+    add_flag,
+    add_option,
+    add_shared,
+    add_sources,
+    add_value,
+    new_command,
+    writes,
+)
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.source_options import firmware_of, is_named, settings_of
 from msggen.cli.values import local_path, non_empty
@@ -27,23 +37,21 @@ _MANY = 20
 """The largest number of changes of only comments, or only white space, that are listed one by one."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "sync",
-        _sync,
-        writes=True,
-        help="bring a ROS 2 package such as px4_msgs up to date",
-        description="Copy the definitions of the firmware into msg/ and srv/ of a ROS 2 package. Your own definitions "
-        "and all other files of the package are not changed. Without a source, only a new package can be created, from "
-        "the newest embedded release.",
-        epilog=f"{WRITING_CODES} Sources and ros-package can be set in [tool.msggen] of pyproject.toml.",
-    )
-    parser.add_argument("target", metavar="PKG", type=local_path, help="folder of the package")
+@new_command(
+    "sync",
+    "bring a ROS 2 package such as px4_msgs up to date",
+    "Copy the definitions of the firmware into msg/ and srv/ of a ROS 2 package. Your own definitions "
+    "and all other files of the package are not changed. Without a source, only a new package can be created, from "
+    "the newest embedded release.",
+    epilog=f"{WRITING_CODES} Sources and ros-package can be set in [tool.msggen] of pyproject.toml.",
+    writes=True,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "target", "PKG", local_path, "folder of the package")
     add_sources(parser)
     package = parser.add_argument_group("package")
-    package.add_argument("--create", action="store_true", help="create the package if it does not exist")
+    add_flag(package, "--create", "create the package if it does not exist")
     add_option(
         package,
         "--ros-package",
@@ -54,6 +62,7 @@ def add_to(commands: Commands) -> None:
     )
     add_shared(package, "--topics-only", "--check", "--diff")
     add_shared(parser, "-q, --quiet")
+    return _sync
 
 
 def _sync(options: argparse.Namespace) -> int:

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import ENDED_CODES, Run, add_flag, add_shared, new_command
 from msggen.cli.screen import can_draw, held_warnings
 from msggen.cli.watching import add_window, watching
 from msggen.show.report.json import dump
@@ -24,25 +23,24 @@ _REFRESH = 0.5
 """The time in s after which the table is drawn again."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "top",
-        _top,
-        help="show the rates, ages and values of all topics of a running vehicle",
-        description="Show all topics that a vehicle publishes: how often, against the limit in its dds_topics.yaml, "
-        "how long ago, how large, and the last values of a selected one. Keys sort, filter, open a topic and pause; "
-        "the last line lists them. Into a pipe, the table is printed once.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
-    )
-    parser.add_argument("--once", action="store_true", help="measure, print the table once, and exit")
+@new_command(
+    "top",
+    "show the rates, ages and values of all topics of a running vehicle",
+    "Show all topics that a vehicle publishes: how often, against the limit in its dds_topics.yaml, "
+    "how long ago, how large, and the last values of a selected one. Keys sort, filter, open a topic and pause; "
+    "the last line lists them. Into a pipe, the table is printed once.",
+    epilog=ENDED_CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_flag(parser, "--once", "measure, print the table once, and exit")
     add_shared(parser, "--json")
     add_window(parser)
     add_link(parser)
+    return _top
 
 
-def _top(options: argparse.Namespace) -> int:
+def _top(options: argparse.Namespace) -> None:
     with connection(options) as found:
         from msggen.vehicle.meter import Meter
 
@@ -54,7 +52,6 @@ def _top(options: argparse.Namespace) -> int:
             else:
                 with watching():
                     _run(source)
-    return DONE
 
 
 class _Source:

@@ -7,18 +7,18 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from logging import CRITICAL, getLogger
+from logging import CRITICAL
+from math import inf
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, input_error
-from msggen.base.exit_codes import DONE
 from msggen.base.foreign import escaped
 from msggen.cli.chosen_types import is_given, known_types
 from msggen.cli.link import add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import ENDED_CODES, Run, add_shared, add_value, new_command
 from msggen.cli.packages import check_reading, needing, read_errors
 from msggen.cli.values import local_path, non_empty, whole
-from msggen.cli.watching import rounds, watching
+from msggen.cli.watching import rounds, telling, watching
 from msggen.generate.cache import package_of
 from msggen.sources.embedded import EMBEDDED
 
@@ -37,41 +37,36 @@ _CHECK = 0.5
 """The time in s between two looks at a vehicle."""
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    parser = add_command(
-        commands,
-        "view",
-        _view,
-        help="show a running vehicle or a recording in Foxglove",
-        description="Show all topics of a running vehicle, or of a recording, in Foxglove, over its websocket. The "
-        "vehicle is also sent as frame, pose and location, so that it moves in the panels 3D and Map. "
-        "Needs the packages of the extra `view`.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "file", metavar="FILE", nargs="?", type=local_path, help="recording in MCAP (default: the vehicle on the link)"
-    )
+@new_command(
+    "view",
+    "show a running vehicle or a recording in Foxglove",
+    "Show all topics of a running vehicle, or of a recording, in Foxglove, over its websocket. The "
+    "vehicle is also sent as frame, pose and location, so that it moves in the panels 3D and Map. "
+    "Needs the packages of the extra `view`.",
+    epilog=ENDED_CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "file", "FILE", local_path, "recording in MCAP (default: the vehicle on the link)", nargs="?")
     group = parser.add_argument_group("server")
-    group.add_argument("--host", metavar="ADDRESS", type=non_empty, help=f"address to serve on (default: {_HOST})")
-    group.add_argument("--port", metavar="N", type=whole(0, 65535), help=f"port to serve on (default: {_PORT})")
+    add_value(group, "--host", "ADDRESS", non_empty, f"address to serve on (default: {_HOST})")
+    add_value(group, "--port", "N", whole(0, 65535), f"port to serve on (default: {_PORT})")
     add_shared(group, "--for")
     add_shared(parser, "-q, --quiet")
     add_link(parser)
+    return _view
 
 
-def _view(options: argparse.Namespace) -> int:
+def _view(options: argparse.Namespace) -> None:
     check_reading("L111", "view")
     with needing("view", "L111"):
         from msggen.show.view import recording
     del recording
-    for name in ("foxglove", "foxglove_py"):  # they tell what single clients do
-        getLogger(name).setLevel(CRITICAL)
-    if options.file:
-        _show_recording(options)
-    else:
-        _show_vehicle(options)
-    return DONE
+    with telling(CRITICAL, "foxglove", "foxglove_py"):  # which tell what single clients do
+        if options.file:
+            _show_recording(options)
+        else:
+            _show_vehicle(options)
 
 
 def _show_vehicle(options: argparse.Namespace) -> None:
@@ -82,7 +77,7 @@ def _show_vehicle(options: argparse.Namespace) -> None:
         view = LiveView(server, found.vehicle, found.package, _warn)
         with found.vehicle.watch(view), watching():
             _announce(options, server, f"{found.label} on {found.link}")
-            for _ in rounds(options, found.vehicle, _CHECK):
+            for _ in rounds(options.seconds, found.vehicle, _CHECK):
                 with suppress(NotConnectedError):
                     view.check()
                 server.draw_model(time.time_ns())
@@ -141,9 +136,8 @@ def _server(
 
 def _play(options: argparse.Namespace, view: RecordingView) -> None:
     """Play a recording until the time is over."""
-    seconds = getattr(options, "for")  # a keyword
-    end = None if seconds is None else time.monotonic() + seconds
-    while end is None or time.monotonic() < end:
+    end = time.monotonic() + (options.seconds or inf)
+    while time.monotonic() < end:
         view.advance()
         time.sleep(_SLICE)
 

@@ -26,51 +26,11 @@ _UNUSED = re.compile(r"(?:unused|reserved|empty|none|n/?a)\b", re.IGNORECASE)
 _END = re.compile(r"[^\w\s'-]")
 _FIRST = frozenset({"a", "an", "the", "its", "desired", "new", "this", "which", "maximum", "minimum"})
 """Words that are left out at the start of a name. The last two are kept if nothing follows them."""
-_LAST = frozenset(
-    {
-        "above",
-        "after",
-        "along",
-        "allowed",
-        "amsl",
-        "and",
-        "are",
-        "as",
-        "at",
-        "be",
-        "before",
-        "below",
-        "between",
-        "by",
-        "can",
-        "for",
-        "from",
-        "if",
-        "in",
-        "into",
-        "is",
-        "near",
-        "of",
-        "on",
-        "only",
-        "or",
-        "over",
-        "per",
-        "that",
-        "to",
-        "until",
-        "used",
-        "using",
-        "via",
-        "what",
-        "when",
-        "where",
-        "while",
-        "will",
-        "with",
-        "within",
-    }
+_ENDING = (
+    "above after along allowed amsl and are as at be before below between by can for from if in into is near of "
+    "on only or over per that to until used using via what when where while will with within"
 )
+_LAST = frozenset(_ENDING.split())
 """Words that end a name."""
 
 

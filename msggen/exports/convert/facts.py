@@ -14,15 +14,13 @@ from msggen.recordings.log.origin import vehicle_of
 from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from msggen.recordings.source.facts import Facts
-
-    _Value = TypeVar("_Value")
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from msggen.recordings.log.log import Log
-    from msggen.recordings.source.facts import Event, Text
+    from msggen.recordings.source.facts import Event, Facts, Text
+
+    _Value = TypeVar("_Value")
+
 _SECONDS = "duration", "time", "end"
 """The columns whose unit is s."""
 

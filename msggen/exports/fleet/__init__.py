@@ -13,7 +13,7 @@ that is done, for queries, and lists the files that have its rows.
 from __future__ import annotations
 
 from msggen.exports.fleet.batch import Batch, Outcome, Task, convert_batch
-from msggen.exports.fleet.compaction import Compacted, compact
+from msggen.exports.fleet.fleet import Compacted, compact
 from msggen.exports.fleet.layout import KEYS, UNKNOWN, Keys
 from msggen.exports.fleet.run import Progress, Summary, update
 from msggen.exports.fleet.storage import files

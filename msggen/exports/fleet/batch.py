@@ -1,31 +1,37 @@
 """The work for a few recordings: the function that each pool runs, in this process, in another one, or elsewhere.
 
-It needs nothing but paths, and no other recordings. The files that it writes wait in a stage, until `update` makes them
-part of the fleet.
+It needs nothing but paths, and no other recordings. The files that it writes wait until `update` makes them part of the
+fleet.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.analysis.document import document_of, examined
 from msggen.base.diagnostics import InputError
+from msggen.exports.convert.facts import timed_table
+from msggen.exports.convert.names import FACT_TABLES, FINDINGS, Place, file_names, place_of
 from msggen.exports.fleet.finding import at_hand, digest_of
-from msggen.exports.fleet.findings import findings_run
-from msggen.exports.fleet.fleet import Written, write_staged
-from msggen.exports.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, vehicle_of
-from msggen.exports.fleet.listing import State
-from msggen.exports.fleet.parts import Run, run_of_arrow
+from msggen.exports.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, run_of, vehicle_of
+from msggen.exports.fleet.parts import File, Run, run_of_arrow, write_files
 from msggen.exports.fleet.records import Record
 from msggen.exports.fleet.storage import storage_of
 from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
+    from msggen.exports.fleet.finding import State
     from msggen.exports.fleet.storage import Storage
     from msggen.recordings.log.log import Log
     from msggen.recordings.source.source import Problem
+
+LARGEST = 1 << 30
+"""The bytes of a recording from which on a fleet has no findings: rules read their topics at once."""
 
 
 class Task(NamedTuple):
@@ -39,8 +45,8 @@ class Task(NamedTuple):
     """What rows are sorted by: of `KEYS`."""
     token: str
     """The name of its files."""
-    names: Sequence[tuple[str, str]] = ()
-    """The paths of recordings that the fleet has already, and their names there."""
+    names: Mapping[str, str] = {}
+    """The names of recordings that the fleet has already, by path."""
 
     def single(self) -> Iterator[Task]:
         """Yield tasks with one recording each."""
@@ -61,50 +67,47 @@ class Outcome(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What became of the recordings of a task: nothing if each is to be converted alone."""
+    """What became of the recordings of a task."""
 
     task: Task
     outcomes: Sequence[Outcome] = ()
-    files: Sequence[Written] = ()
-    failed: StoreError | None = None
-    """Why a store fails, so that the run ends."""
+    files: Sequence[File] = ()
+    failed: StoreError | str = ""
+    """Why there are no outcomes. A store that fails ends the run, otherwise each recording is converted alone."""
 
 
 def convert_batch(task: Task) -> Batch:
-    """Convert recordings to files that wait in a stage of a fleet. Errors of the recordings are in the result."""
+    """Convert recordings to files of a fleet. Errors are in the result."""
     try:
-        folder = storage_of(task.fleet)
-        with folder.stage(task.token) as stage:
-            runs: list[tuple[str, Run]] = []
+        storage = storage_of(task.fleet, run_of(task.token))
+        with storage.stage() as stage:
+            aside = os.path.join(stage, f".{task.token}")
+            os.mkdir(aside)
+            runs: dict[str, list[Run]] = {}
             outcomes = []
             for index, path in enumerate(task.paths):
-                outcome, found = _converted(task, folder, path, _aside(stage, index))
+                outcome, found = _converted(task, storage, path, os.path.join(aside, str(index)))
                 outcomes.append(outcome)
-                runs += found
-            files = write_staged(folder, stage, task.token, task.by, _by_topic(runs))
-            for index in range(len(task.paths)):
-                shutil.rmtree(_aside(stage, index), ignore_errors=True)
+                for topic, run in found:
+                    runs.setdefault(topic, []).append(run)
+            files = write_files(sorted(runs.items()), stage, task.token, task.by)
+            shutil.rmtree(aside, ignore_errors=True)
+            storage.keep(stage, [each.place for each in files])
     except StoreError as error:
         return Batch(task, failed=error)
     except Exception as error:  # noqa: BLE001 - whatever is wrong with some recordings must not stop the others
-        if len(task.paths) > 1:
-            return Batch(task)
-        return Batch(task, [Outcome(path, error=text_of(error, path)) for path in task.paths])
+        return Batch(task, failed=text_of(error, task.paths[0]))
     return Batch(task, outcomes, files)
 
 
-def _aside(stage: str, index: int) -> str:
-    """Return the folder for the tables of a recording."""
-    return os.path.join(stage, f"log-{index}")
-
-
-def _converted(task: Task, folder: Storage, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
+def _converted(task: Task, storage: Storage, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
     """Convert a recording to files in the new folder `aside`. Return what became of it, and its runs by topic."""
     import pyarrow  # noqa: ICN001
 
     try:
         with at_hand(path) as (copy, state):
-            record, runs = _tables(task, folder, _Source(path, copy, state), aside)
+            record, runs = _tables(task, path, copy, state, aside)
+        storage.check(topic for topic, _ in runs)
     except Exception as error:
         shutil.rmtree(aside, ignore_errors=True)
         if isinstance(error, StoreError) and error.is_lasting:
@@ -114,68 +117,63 @@ def _converted(task: Task, folder: Storage, path: str, aside: str) -> tuple[Outc
     return Outcome(path, record), runs
 
 
-class _Source(NamedTuple):
-    """A recording that is converted."""
-
-    path: str
-    copy: str
-    """Where it can be read: a copy of one in a store."""
-    state: State
-
-
-def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[Record, list[tuple[str, Run]]]:
-    """Write a table for each topic of a recording. Return its record, and what the tables are in the fleet."""
-    from msggen.exports.convert.names import FINDINGS
+def _tables(task: Task, path: str, copy: str, state: State, aside: str) -> tuple[Record, list[tuple[str, Run]]]:
+    """Write a table for each topic of a recording, which is read at `copy`. Return its record and its runs."""
     from msggen.exports.convert.selection import EVERYTHING
     from msggen.exports.convert.tables import Format, write_tables
     from msggen.recordings.log import opening
 
-    path, copy, state = source
     digest = digest_of(copy)
-    name = dict(task.names).get(path) or name_of(path, digest)
+    name = task.names.get(path) or name_of(path, digest)
     with opening.open(copy) as log:
         converted = write_tables(log, aside, Format("arrow", packing="lz4"), EVERYTHING, lambda _: None)
-        dated = date_of(log, path)
-        values = {"vehicle": vehicle_of(log), "date": dated.day}
-        places = _keys_by_stem(log, values, name)
-        found = [(file, *places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
-        folder.check([FINDINGS, *(topic for _, topic, _ in found)])
-        shown = findings_run(log, values, name)
+        vehicle, (day, date_from) = vehicle_of(log), date_of(log, path)
+        own = partial(keys_of, vehicle=vehicle, date=day, log=name)
+        places = _places(log)
+        found = [(file, places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
+        runs = [(place.name, run_of_arrow(file, own(place))) for file, place in found]
         offset = log.utc_offset
         start = None if offset is None else log.start + offset
         record = Record(
             log=name,
-            digest=digest,
-            paths={path: state},
-            values=values,
-            date_from=dated.origin,
-            rows=converted.rows,
-            problems=[_line(problem).replace(copy, path) for problem in converted.problems],
-            notes=[note.replace(copy, path) for note in converted.notes],
-            firmware=log.firmware.release,
+            vehicle=vehicle,
+            date=day,
+            firmware=log.firmware.release or None,
             start=start if start is not None and is_utc(start) else None,
             utc_offset=offset,
             duration=log.duration,
+            samples=converted.rows,
+            problems=[_line(problem).replace(copy, path) for problem in converted.problems],
+            notes=[note.replace(copy, path) for note in converted.notes],
+            date_from=date_from,
+            digest=digest,
+            paths={path: state},
         )
-    return record, [*((topic, run_of_arrow(file, keys)) for file, topic, keys in found), *shown]
+        return record, [*runs, *_findings(log, own(Place(FINDINGS, "", 0)))]
 
 
-def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, tuple[str, Keys]]:
-    """Return the folder and the keys of each topic by the name that its file has without a fleet."""
-    from msggen.exports.convert.names import FACT_TABLES, Place, file_names, place_of
+def _findings(log: Log, keys: Keys) -> Iterator[tuple[str, Run]]:
+    """Yield the findings in a recording as rows of a fleet, nothing without findings."""
+    import pyarrow as pa
 
+    made = document_of(*examined(log))["findings"] if log.size < LARGEST else []
+    found = sorted(made, key=lambda each: each["time"] or 0.0)
+    if not found:
+        return
+    texts = {key: pa.array([each[key] for each in found], pa.string()) for key in ("rule", "level", "text")}
+    times = {key: pa.array([each[key] for each in found], pa.float64()) for key in ("time", "end")}
+    evidence = pa.array([json.dumps(each["values"]) for each in found], pa.string())
+    begins = [log.start + round((each["time"] or 0.0) * 1e9) for each in found]
+    table = timed_table(log, begins, **texts, **times, values=evidence)
+    yield FINDINGS, Run(keys, table.schema, partial(iter, [table]))
+
+
+def _places(log: Log) -> dict[str, Place]:
+    """Return the place of each topic by the name that its file has without a fleet."""
     topics = log.chosen(None)
     places = {(topic.name, topic.instance): place_of(topic) for topic in topics}
     by_stem = {stem: places[key] for key, stem in file_names(topics).items()}
-    by_stem |= {stem: Place(stem, "", 0) for stem in FACT_TABLES}
-    return {stem: (place.name, keys_of(place, values, name)) for stem, place in by_stem.items()}
-
-
-def _by_topic(runs: Sequence[tuple[str, Run]]) -> list[tuple[str, list[Run]]]:
-    by_topic: dict[str, list[Run]] = {}
-    for topic, run in runs:
-        by_topic.setdefault(topic, []).append(run)
-    return sorted(by_topic.items())
+    return by_stem | {stem: Place(stem, "", 0) for stem in FACT_TABLES}
 
 
 def text_of(error: Exception, path: str) -> str:

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 from msggen.analysis.document import document_of, examined
 from msggen.exports.fleet.batch import text_of
-from msggen.exports.fleet.finding import Found, at_hand, checked, digest_of, find_recordings
+from msggen.exports.fleet.finding import Found, State, at_hand, checked, digest_of, find_recordings
 from msggen.exports.fleet.layout import name_of
-from msggen.exports.fleet.listing import State
 from msggen.exports.fleet.planning import digest_if_any, state_if_any
 from msggen.exports.fleet.pools import results_of
 from msggen.exports.fleet.records import decoded, original_of
@@ -38,7 +37,7 @@ def work_in(folder: str, lines: Sequence[Mapping[str, Any]]) -> Work:
     Raises RecordingError if there is no recording, OSError, and StoreError.
     """
     found = checked(_recordings(absolute(folder)))
-    states = {each.path: state_if_any(each.path) for each in found if not each.error}
+    states = {each.path: state_if_any(each) for each in found if not each.error}
     done = {(line["recording"], line.get("size"), line.get("changed")) for line in lines}
     waiting = {path: state for path, state in states.items() if (path, *(state or (None, None))) not in done}
     digests = {line.get("digest") for line in lines}
@@ -58,7 +57,8 @@ def _recordings(folder: str) -> list[Found]:
     """Return the recordings below a folder, or those of a fleet: where they were."""
     content = storage_of(folder).read_list()
     if content is not None:
-        return [Found(original_of(record)) for record in decoded(content.data).records]
+        records = ((original_of(record), record) for record in decoded(content.data).records)
+        return [Found(path, listed=record.paths.get(path)) for path, record in records]
     return list(find_recordings(folder))
 
 

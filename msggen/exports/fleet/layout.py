@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 STATE = "_msggen"
 """The folder of what is beside the data. Engines skip names that begin with an underscore."""
-STAGE = ".stage"
-"""The suffix of a folder in which the files of a run wait until they are part of the fleet."""
 KEYS = ("vehicle", "date")
 """What rows can be sorted by, before all else."""
 UNKNOWN = "unknown"
@@ -31,19 +29,12 @@ DIGITS = 8
 
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]+")
 _PLACE = re.compile(r"[A-Za-z0-9-][\w.-]*/\d{6,12}-[0-9a-f]{8}(?:-\d{1,6}){0,2}\.parquet", re.ASCII)
-_STAGE = re.compile(rf"[0-9a-f]{{8}}{re.escape(STAGE)}")
+_STAGE = re.compile(rf"{STATE}/[0-9a-f]{{8}}\.stage")
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?!\d)")
 _LOGGER = "[logger] "
 """The front of PX4's line that names its log: `[logger] /fs/microsd/log/2026-01-12/10_23_26.ulg`."""
 _LONGEST = 80
 _YEAR_2001, _YEAR_2100 = 978_307_200 * 10**9, 4_102_444_800 * 10**9
-
-
-class Dated(NamedTuple):
-    """The day of a recording, in UTC, and where it comes from, one of ORIGINS."""
-
-    day: str
-    origin: str
 
 
 class Keys(NamedTuple):
@@ -56,9 +47,9 @@ class Keys(NamedTuple):
     instance: int
 
 
-def keys_of(place: Place, values: Mapping[str, str], log: str) -> Keys:
-    """Return the keys of a topic in a recording. `values` are those of KEYS."""
-    return Keys(values["vehicle"], values["date"], log, place.namespace or NONE, place.instance)
+def keys_of(place: Place, *, vehicle: str, date: str, log: str) -> Keys:
+    """Return the keys of a topic in a recording."""
+    return Keys(vehicle, date, log, place.namespace or NONE, place.instance)
 
 
 def order_of(by: Sequence[str]) -> tuple[str, ...]:
@@ -79,8 +70,13 @@ def topic_of(place: str) -> str:
     return place.partition("/")[0]
 
 
+def stage_of(run: str) -> str:
+    """Return the stage of a run: in a folder, where its files wait until they are part of the fleet."""
+    return f"{STATE}/{run}.stage"
+
+
 def is_stage(name: str) -> bool:
-    """Whether this is the name of the stage of a run."""
+    """Whether this is the stage of a run."""
     return _STAGE.fullmatch(name) is not None
 
 
@@ -116,8 +112,10 @@ def vehicle_of(log: Log) -> str:
     return f"px4-{cleaned(log.vehicle)}" if log.vehicle else UNKNOWN
 
 
-def date_of(log: Log, path: str) -> Dated:
-    """Return the day of a recording: by GPS, by the name of the file or its folder, or by the clock of the recorder.
+def date_of(log: Log, path: str) -> tuple[str, str]:
+    """Return the day of a recording in UTC, and where it comes from, one of ORIGINS.
+
+    It is that of GPS, of the name of the file or its folder, or of the clock of the recorder.
 
     A line of the vehicle's log has the name that the file had on the vehicle, in a folder with the date.
     """
@@ -126,14 +124,14 @@ def date_of(log: Log, path: str) -> Dated:
     if offset is not None:
         day = _day(log.start + offset) or _day(log.end + offset)  # a first sample can have the time 0
         if day:
-            return Dated(day, "gps")
+            return day, "gps"
     lines = (text.text for text in log.facts.texts if text.text.startswith(_LOGGER))
     for name in (os.path.basename(path), os.path.basename(os.path.dirname(path)), *lines):
         day = day_in(name)
         if day:
-            return Dated(day, "name")
+            return day, "name"
     day = "" if is_of_ulog else _day(log.start)
-    return Dated(day, "clock") if day else Dated(UNKNOWN, UNKNOWN)
+    return (day, "clock") if day else (UNKNOWN, UNKNOWN)
 
 
 def day_in(name: str) -> str:

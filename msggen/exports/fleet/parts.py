@@ -8,19 +8,18 @@ engines find the rows of a recording by the statistics of the columns of `Keys`.
 from __future__ import annotations
 
 import os
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
-from itertools import pairwise
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeVar
+from itertools import chain, pairwise
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from msggen.exports.fleet.layout import Keys, order_of
 from msggen.exports.fleet.records import FleetError
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    from typing_extensions import Self
 
 _T = TypeVar("_T")
 LARGE = 32 << 20
@@ -31,8 +30,6 @@ _GROUP = 1 << 20
 """The bytes of values in memory after which a row group ends with its run."""
 _MOST = 8 << 20
 """The bytes of values in memory after which a row group ends within a run."""
-_ROWS = 1 << 20
-"""The rows after which it does."""
 
 
 class Run(NamedTuple):
@@ -45,34 +42,111 @@ class Run(NamedTuple):
     """Reads them piece by piece."""
 
 
-class Part(NamedTuple):
-    """A file that was written."""
+class File(NamedTuple):
+    """A file of a topic."""
 
-    path: str
-    rows: int
+    place: str
+    """Its path in the fleet when it is part of it: `<topic>/000012-9f3a5c01.parquet`."""
     size: int
-    logs: Sequence[str]
-    """The names of the recordings in it."""
+    """In bytes."""
+    logs: Collection[str] = ()
+    """The names of the recordings that it has, if it was just written."""
 
 
-def write_parts(runs: Iterable[Run], path: str, by: Sequence[str]) -> Iterator[Part]:
-    """Write runs to a file, sorted, or to several ones if columns conflict or a file is full. Yield them.
+def write_files(runs: Iterable[tuple[str, Iterable[Run]]], folder: str, token: str, by: Sequence[str]) -> list[File]:
+    """Write runs by topic to new files below a folder, sorted, to several ones if columns conflict or a file is full.
 
-    `path` ends with `.parquet`, and the paths of the further files with `-2.parquet` and so on. Raises OSError.
+    The first one of a topic is `<topic>/<token>.parquet`, and the names of the further ones end with `-2` and so on.
+    Raises OSError.
     """
+    counts: Counter[str] = Counter()
     names = order_of(by)
-    ordered = sorted(runs, key=lambda run: tuple(getattr(run.keys, name) for name in names))
-    stem, suffix = os.path.splitext(path)
-    number = 1
-    for shape, members in shapes_of((run.schema, run) for run in ordered):
-        waiting = iter(members)
-        while (first := next(waiting, None)) is not None:
-            with _Writer(f"{stem}-{number}{suffix}" if number > 1 else path, shape, names) as writer:
-                writer.add(first)
-                while writer.size < FULL and (run := next(waiting, None)) is not None:
-                    writer.add(run)
-            yield writer.part()
-            number += 1
+    written = []
+    for topic, members in runs:
+        ordered = sorted(members, key=lambda run: tuple(getattr(run.keys, name) for name in names))
+        for shape, own in shapes_of((run.schema, run) for run in ordered):
+            waiting = iter(own)
+            for first in waiting:
+                counts[topic] += 1
+                end = f"-{counts[topic]}" if counts[topic] > 1 else ""
+                written.append(
+                    _write_file(chain([first], waiting), shape, folder, f"{topic}/{token}{end}.parquet", names)
+                )
+    return written
+
+
+def _write_file(runs: Iterator[Run], shape: pa.Schema, folder: str, place: str, order: Sequence[str]) -> File:
+    """Write runs to a new file until it is full. `shape` is the schema of all without `Keys`. Raises OSError."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    from msggen.exports.convert.tables import is_time
+
+    path = os.path.join(folder, *place.split("/"))
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    keys = [pa.field(name, pa.int32() if name == "instance" else pa.string()) for name in Keys._fields]
+    schema = pa.schema([*keys, *shape], shape.metadata)
+    texts = [field.name for field in shape if pa.types.is_string(field.type)]
+    logs: dict[str, None] = {}
+    try:
+        with (
+            open(path, "xb") as file,
+            parquet.ParquetWriter(
+                file,
+                schema,
+                compression="zstd",
+                use_dictionary=[*Keys._fields, *texts],  # as for single recordings: measured values have none
+                column_encoding={field.name: "DELTA_BINARY_PACKED" for field in shape if is_time(field)},
+                sorting_columns=[parquet.SortingColumn(Keys._fields.index(name)) for name in order],
+            ) as writer,
+        ):
+            for group in _groups(runs, logs, lambda: file.tell() >= FULL):
+                table = pa.concat_tables([_whole(keys, piece, schema) for keys, piece in group])
+                writer.write_table(table, row_group_size=len(table))
+    except OSError as failed:
+        failed.filename = failed.filename or path  # a full disk has no name
+        raise
+    return File(place, os.path.getsize(path), list(logs))
+
+
+def _groups(
+    runs: Iterator[Run], logs: dict[str, None], is_full: Callable[[], bool]
+) -> Iterator[list[tuple[Keys, Any]]]:
+    """Yield the pieces of each row group, and note the recordings. Ends with the run after which a file is full."""
+    group, size = list[tuple[Keys, Any]](), 0
+    for run in runs:
+        logs[run.keys.log] = None
+        for table in run.tables():
+            step = max(1, _MOST * len(table) // max(table.nbytes, 1))
+            for piece in (table.slice(begin, step) for begin in range(0, len(table), step)):
+                group.append((run.keys, piece))
+                size += piece.nbytes
+                if size >= _MOST:
+                    yield group
+                    group, size = [], 0
+        if size > _GROUP:
+            yield group
+            group, size = [], 0
+        if is_full():
+            break
+    if group:
+        yield group
+
+
+def _whole(keys: Keys, table: Any, schema: pa.Schema) -> Any:
+    """Return a table with the columns of a file. Those that it lacks are NULL."""
+    import pyarrow as pa
+
+    told, own = keys._asdict(), {*table.schema.names}
+    return pa.Table.from_arrays(
+        [
+            table.column(field.name)
+            if field.name in own
+            else pa.repeat(pa.scalar(told.get(field.name), field.type), len(table))
+            for field in schema
+        ],
+        schema=schema,
+    )
 
 
 def shapes_of(items: Iterable[tuple[pa.Schema, _T]]) -> list[tuple[pa.Schema, list[_T]]]:
@@ -82,138 +156,29 @@ def shapes_of(items: Iterable[tuple[pa.Schema, _T]]) -> list[tuple[pa.Schema, li
     for schema, item in items:
         text = schema.serialize().to_pybytes()
         if text not in known:
-            fits = (number for number, (shape, _) in enumerate(shapes) if agrees(shape, schema))
-            known[text] = number = next(fits, len(shapes))
+            fits = ((number, _united(shape, schema)) for number, (shape, _) in enumerate(shapes))
+            number, united = next((each for each in fits if each[1] is not None), (len(shapes), schema))
             if number == len(shapes):
-                shapes.append((schema, []))
-            else:
-                shapes[number] = (_united(shapes[number][0], schema), shapes[number][1])
+                shapes.append((united, []))
+            shapes[number] = (united, shapes[number][1])
+            known[text] = number
         shapes[known[text]][1].append(item)
     return shapes
 
 
-def agrees(one: pa.Schema, other: pa.Schema) -> bool:
-    """Whether the columns that both have are of the same type and unit."""
-    for field in other:
-        index = one.get_field_index(field.name)
-        if index >= 0:
-            known = one.field(index)
-            units = {(each.metadata or {}).get(b"unit", b"") for each in (known, field)} - {b""}
-            if known.type != field.type or len(units) > 1:
-                return False
-    return True
-
-
-def _united(one: pa.Schema, other: pa.Schema) -> pa.Schema:
-    """Return the columns of both. The metadata of a later one completes that of the first."""
+def _united(one: pa.Schema, other: pa.Schema) -> pa.Schema | None:
+    """Return the columns of both, None if they conflict. The metadata of a later one completes that of the first."""
     import pyarrow as pa
 
-    fields = []
-    for field in one:
-        index = other.get_field_index(field.name)
-        more = other.field(index).metadata if index >= 0 else None
-        fields.append(field.with_metadata({**(field.metadata or {}), **more}) if more else field)
-    fields += [field for field in other if one.get_field_index(field.name) < 0]
+    fields = {field.name: field for field in one}
+    for field in other:
+        known = fields.setdefault(field.name, field)
+        told, also = known.metadata or {}, field.metadata or {}
+        if known.type != field.type or len({told.get(b"unit"), also.get(b"unit")} - {None, b""}) > 1:
+            return None
+        fields[field.name] = known.with_metadata({**told, **also}) if also else known
     told, also = one.metadata or {}, other.metadata or {}
-    return pa.schema(fields, {key: value for key, value in told.items() if also.get(key) == value})
-
-
-class _Writer:
-    """A file that is being written."""
-
-    def __init__(self, path: str, shape: pa.Schema, order: Sequence[str]) -> None:
-        import pyarrow as pa
-        from pyarrow import parquet
-
-        from msggen.exports.convert.tables import is_time
-
-        self._path, self._shape = path, shape
-        types = [pa.int32() if name == "instance" else pa.string() for name in Keys._fields]
-        keys = [pa.field(name, kind) for name, kind in zip(Keys._fields, types, strict=True)]
-        self._schema = pa.schema([*keys, *shape], shape.metadata)
-        times = {field.name: "DELTA_BINARY_PACKED" for field in shape if is_time(field)}
-        texts = [field.name for field in shape if pa.types.is_string(field.type)]
-        with ExitStack() as end:
-            self._file = end.enter_context(open(path, "xb"))
-            self._writer = end.enter_context(
-                parquet.ParquetWriter(
-                    self._file,
-                    self._schema,
-                    compression="zstd",
-                    use_dictionary=[*Keys._fields, *texts],  # as for single recordings: measured values have none
-                    column_encoding=times,
-                    sorting_columns=[parquet.SortingColumn(Keys._fields.index(name)) for name in order],
-                )
-            )
-            self._end = end.pop_all()
-        self._waiting: list[Any] = []
-        self._bytes = self._count = self._rows = 0
-        self._logs: dict[str, None] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        try:
-            if error[0] is None:
-                self._flush()
-            self._end.close()
-        except OSError as failed:
-            failed.filename = failed.filename or self._path  # a full disk has no name
-            raise
-
-    @property
-    def size(self) -> int:
-        """How many bytes were written."""
-        return self._file.tell()
-
-    def add(self, run: Run) -> None:
-        """Write a run. Raises OSError."""
-        try:
-            for table in run.tables():
-                self._add(run.keys, table)
-            if self._bytes > _GROUP:
-                self._flush()
-        except OSError as failed:
-            failed.filename = failed.filename or self._path
-            raise
-        self._logs[run.keys.log] = None
-
-    def part(self) -> Part:
-        """Return what was written, after its end."""
-        return Part(self._path, self._rows, os.path.getsize(self._path), list(self._logs))
-
-    def _add(self, keys: Keys, table: Any) -> None:
-        step = max(1, min(_ROWS, _MOST * len(table) // max(table.nbytes, 1)))
-        for begin in range(0, len(table), step):
-            piece = table.slice(begin, step)
-            self._waiting.append(self._whole(keys, piece))
-            self._bytes += piece.nbytes
-            self._count += len(piece)
-            if self._bytes >= _MOST or self._count >= _ROWS:
-                self._flush()
-
-    def _whole(self, keys: Keys, table: Any) -> Any:
-        """Return a table with the columns of the file. Those that it lacks are NULL."""
-        import pyarrow as pa
-
-        count = len(table)
-        columns = [
-            pa.repeat(pa.scalar(value, field.type), count) for value, field in zip(keys, self._schema, strict=False)
-        ]
-        for field in self._shape:
-            index = table.schema.get_field_index(field.name)
-            columns.append(table.column(index) if index >= 0 else pa.nulls(count, field.type))
-        return pa.Table.from_arrays(columns, schema=self._schema)
-
-    def _flush(self) -> None:
-        import pyarrow as pa
-
-        if self._waiting:
-            table = pa.concat_tables(self._waiting)
-            self._writer.write_table(table, row_group_size=len(table))
-            self._rows += len(table)
-        self._waiting, self._bytes, self._count = [], 0, 0
+    return pa.schema(fields.values(), {key: value for key, value in told.items() if also.get(key) == value})
 
 
 def without_keys(schema: pa.Schema) -> pa.Schema:
@@ -254,11 +219,8 @@ def _tables_of_arrow(path: str) -> Iterator[Any]:
             yield table.rename_columns(without_keys(table.schema).names)
 
 
-class _Group(NamedTuple):
-    """A row group of a file."""
-
-    name: str
-    number: int
+_Group: TypeAlias = tuple[str, int]
+"""A row group: the name of a file, and the number in it."""
 
 
 class Files:
@@ -283,9 +245,9 @@ class Files:
         """Return the runs of a file of this layout. Raises FleetError for a damaged file, and OSError."""
         schema = self.schema(name)
         return [
-            Run(keys, schema, partial(self._piece, _Group(name, index), begin, end))
+            Run(keys, schema, partial(self._piece, (name, index), begin, end))
             for index in range(self._head(name)[0].num_row_groups)
-            for keys, begin, end in self._spans(_Group(name, index))
+            for keys, begin, end in self._spans((name, index))
         ]
 
     def _piece(self, group: _Group, begin: int, end: int) -> Iterator[Any]:
@@ -296,17 +258,12 @@ class Files:
             self._bytes += table.nbytes
             while self._bytes > _KEPT and len(self._groups) > 1:
                 self._bytes -= self._groups.popitem(last=False)[1].nbytes
-        yield self._groups[group].slice(begin, end - begin).select(self.schema(group.name).names)
+        yield self._groups[group].slice(begin, end - begin).select(self.schema(group[0]).names)
 
     def _spans(self, group: _Group) -> Iterator[tuple[Keys, int, int]]:
         """Yield the keys of the runs in a row group, and the rows from which to which they are."""
         import numpy as np
 
-        metadata = self._head(group.name)[0].row_group(group.number)
-        told = [metadata.column(number).statistics for number in range(len(Keys._fields))]
-        if all(each is not None and each.has_min_max and each.min == each.max for each in told):
-            yield Keys(*(each.min for each in told)), 0, metadata.num_rows
-            return
         table = self._read(group, list(Keys._fields)).combine_chunks()
         changes = np.zeros(max(len(table) - 1, 0), bool)
         for column in table.columns:
@@ -328,8 +285,9 @@ class Files:
     def _read(self, group: _Group, columns: list[str] | None = None) -> Any:
         from pyarrow import parquet
 
-        with self._opening(group.name) as file, _told(group.name):
-            return parquet.ParquetFile(file, metadata=self._heads[group.name][0]).read_row_group(group.number, columns)
+        name, number = group
+        with self._opening(name) as file, _told(name):
+            return parquet.ParquetFile(file, metadata=self._heads[name][0]).read_row_group(number, columns)
 
 
 @contextmanager

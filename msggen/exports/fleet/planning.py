@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.base.disk.urls import is_address
 from msggen.exports.fleet.batch import Task
-from msggen.exports.fleet.finding import digest_of, state_of
-from msggen.exports.fleet.listing import State
+from msggen.exports.fleet.finding import Found, State, digest_of, state_of
 
 if TYPE_CHECKING:
     from msggen.exports.fleet.fleet import Fleet
@@ -22,76 +22,61 @@ _MOST = 512
 """The recordings in a batch."""
 
 
-class Copy(NamedTuple):
-    """A recording with the contents of another one."""
-
-    path: str
-    state: State
-    digest: str
-
-
 class Plan(NamedTuple):
     """What a run has to do with the recordings that it has found."""
 
-    unchanged: int
+    states: Mapping[str, State | None]
+    """Those that an earlier run has not converted, by path."""
     new: Sequence[str]
     """The paths of recordings that become part of the fleet at once."""
     replacing: Sequence[str]
     """Those whose files take the place of others, which are removed in the same step: at the end of the run."""
     names: Mapping[str, str]
     """The names that recordings have in the fleet already, by path."""
-    copies: Sequence[Copy]
-    """What has the contents of a recording that the fleet has, or of one of these."""
+    copies: Mapping[str, str]
+    """The digests of those with the contents of a recording that the fleet has, or of one of these, by path."""
     firsts: Mapping[str, str]
     """The paths of recordings to convert, by digest, if copies were looked for."""
-    sizes: Mapping[str, int]
 
 
-def plan_of(paths: Sequence[str], fleet: Fleet) -> Plan:
+def plan_of(found: Sequence[Found], fleet: Fleet) -> Plan:
     """Return what to do with the recordings that were found."""
     records = fleet.records.values()
     whole = [record for record in records if fleet.found.keys() >= {*record.files}]
     done = {(path, state) for record in whole for path, state in record.paths.items()}
-    states = {path: state_if_any(path) for path in paths}
+    states = {each.path: state_if_any(each) for each in found}
     waiting = {path: state for path, state in states.items() if (path, state) not in done}
     digests = _digests(waiting, fleet)
     known, copied = {record.digest: record.log for record in records}, {record.digest for record in whole}
     owned = {path for record in records for path in record.paths}
-    names, new, replacing = dict[str, str](), list[str](), list[str]()
-    copies: list[Copy] = []
-    firsts: dict[str, str] = {}
-    for path, state in waiting.items():
+    new, replacing = list[str](), list[str]()
+    names, copies, firsts = dict[str, str](), dict[str, str](), dict[str, str]()
+    for path in waiting:
         digest = digests.get(path, "")
-        if state is not None and digest and (digest in copied or digest in firsts):
-            copies.append(Copy(path, state, digest))
+        if digest and (digest in copied or digest in firsts):
+            copies[path] = digest
             continue
         firsts[digest] = path
         if digest in known:
             names[path] = known[digest]
         (replacing if digest in known or path in owned else new).append(path)
-    sizes = {path: state.size for path, state in waiting.items() if state is not None}
-    return Plan(len(states) - len(waiting), new, replacing, names, copies, firsts, sizes)
+    return Plan(waiting, new, replacing, names, copies, firsts)
 
 
 def tasks_of(plan: Plan, paths: Sequence[str], fleet: Fleet) -> Iterator[Task]:
     """Yield the tasks for some of the recordings of a plan."""
-    total = sum(plan.sizes.get(path, 0) for path in paths)
-    limit = min(max(total // _SHARES, _SMALLEST), _LARGEST)
-    batch: list[str] = []
-    size = 0
+    sizes = {path: state.size if (state := plan.states[path]) else 0 for path in paths}
+    limit = min(max(sum(sizes.values()) // _SHARES, _SMALLEST), _LARGEST)
+    batches, size = list[list[str]](), 0
     for path in paths:
-        if batch and (size + plan.sizes.get(path, 0) > limit or len(batch) >= _MOST):
-            yield _task(plan, batch, fleet)
-            batch, size = [], 0
-        batch.append(path)
-        size += plan.sizes.get(path, 0)
-    if batch:
-        yield _task(plan, batch, fleet)
-
-
-def _task(plan: Plan, paths: Sequence[str], fleet: Fleet) -> Task:
-    names = tuple((path, plan.names[path]) for path in paths if path in plan.names)
-    return Task(tuple(paths), fleet.address, tuple(fleet.by), fleet.token(), names)
+        size += sizes[path]
+        if not batches or size > limit or len(batches[-1]) >= _MOST:
+            batches.append([])
+            size = sizes[path]
+        batches[-1].append(path)
+    for batch in batches:
+        names = {path: plan.names[path] for path in batch if path in plan.names}
+        yield Task(tuple(batch), fleet.address, tuple(fleet.by), fleet.token(), names)
 
 
 def _digests(states: Mapping[str, State | None], fleet: Fleet) -> dict[str, str]:
@@ -114,9 +99,11 @@ def digest_if_any(path: str) -> str:
         return ""
 
 
-def state_if_any(path: str) -> State | None:
+def state_if_any(found: Found) -> State | None:
     """Return the state of a recording, None if it cannot be read."""
+    if is_address(found.path):
+        return found.listed
     try:
-        return state_of(path)
+        return state_of(found.path)
     except (OSError, ValueError):  # a record can have half a surrogate, which is in no path
         return None

@@ -7,12 +7,12 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
-from queue import SimpleQueue
+from threading import local
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msggen.base.interpreter import command_of
 from msggen.base.missing import installed_by
-from msggen.exports.fleet.batch import Batch, Outcome, Task, convert_batch
+from msggen.exports.fleet.batch import Batch, Task, convert_batch
 
 TaskT = TypeVar("TaskT")
 ResultT = TypeVar("ResultT")
@@ -32,40 +32,26 @@ def in_this_process(tasks: Sequence[Task]) -> Iterator[Batch]:
 
 def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Batch]:
     """Convert recordings in `jobs` processes. If one is killed, as for want of memory, the others go on."""
-    killed: list[Task] = []
     for task, batch in results_of(convert_batch, tasks, jobs):
-        if batch is None:
-            killed += task.single()
-        else:
-            yield batch
-    for task, batch in results_of(convert_batch, killed, 1):  # alone: the others may have had the memory that it needs
-        yield batch or failed(task, "the process that converted it was killed")
-
-
-def failed(task: Task, error: str) -> Batch:
-    """Return what became of recordings whose conversion has ended."""
-    return Batch(task, [Outcome(path, error=error) for path in task.paths])
+        yield batch or Batch(task, failed="the process that converted it was killed")
 
 
 def results_of(
     function: Callable[[TaskT], ResultT], tasks: Sequence[TaskT], jobs: int
 ) -> Iterator[tuple[TaskT, ResultT | None]]:
     """Call a function with each task, in `jobs` processes. Yield None for a task whose process was killed."""
-    workers = [_Worker() for _ in tasks[:jobs]]
-    idle: SimpleQueue[_Worker] = SimpleQueue()
-    for worker in workers:
-        idle.put(worker)
+    workers: list[_Worker] = []
+    own = local()
 
-    def run(task: TaskT) -> tuple[TaskT, ResultT | None]:
-        worker = idle.get()
-        try:
-            return task, worker.run(function, task)
-        finally:
-            idle.put(worker)
+    def begin() -> None:
+        own.worker = _Worker()
+        workers.append(own.worker)
 
-    pool = ThreadPoolExecutor(len(workers) or 1)
+    pool = ThreadPoolExecutor(jobs, initializer=begin)
     try:
-        for done in as_completed([pool.submit(run, task) for task in tasks]):
+        for done in as_completed(
+            [pool.submit(lambda task: (task, own.worker.run(function, task)), each) for each in tasks]
+        ):
             yield done.result()
     finally:  # also on Ctrl-C: what is not done is done by the next run
         pool.shutdown(wait=False, cancel_futures=True)
@@ -129,15 +115,7 @@ def on_client(tasks: Sequence[Task], client: Any) -> Iterator[Batch]:
     with installed_by(_DASK):
         from distributed import as_completed
     futures = {client.submit(convert_batch, task, pure=False): task for task in tasks}
-    for future in (waiting := as_completed(futures, loop=client.loop)):
-        error, task = future.exception(), futures[future]  # as of a worker that was killed, again and again
-        if error is None:
-            yield future.result()
-        elif len(task.paths) > 1:
-            for single in task.single():
-                again = client.submit(convert_batch, single, pure=False)
-                futures[again] = single
-                waiting.add(again)
-        else:
-            yield failed(task, f"{type(error).__name__}: {error}")
+    for future in as_completed(futures, loop=client.loop):
+        error = future.exception()  # as of a worker that was killed, again and again
+        yield Batch(futures[future], failed=f"{type(error).__name__}: {error}") if error else future.result()
         future.release()

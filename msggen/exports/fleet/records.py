@@ -11,9 +11,8 @@ from collections.abc import Mapping, Sequence
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.exports.fleet.finding import is_there
-from msggen.exports.fleet.layout import KEYS, ORIGINS, is_place
-from msggen.exports.fleet.listing import State
+from msggen.exports.fleet.finding import State
+from msggen.exports.fleet.layout import ORIGINS, is_place
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -37,30 +36,31 @@ class FleetError(RecordingError):
 
 
 class Record(NamedTuple):
-    """A recording that is done."""
+    """A recording that is done: its row in the list, without its path."""
 
     log: str
     """Its name in the fleet."""
-    digest: str
-    """That of its contents."""
-    paths: Mapping[str, State]
-    """Where it was found, and its state there. A copy is not converted."""
-    values: Mapping[str, str]
-    """The values of KEYS."""
-    date_from: str
-    rows: int
-    problems: Sequence[str]
-    """What it has and what is not in the files."""
-    notes: Sequence[str]
-    """Where definitions are from that are not in the recording."""
-    firmware: str
-    """The release of the firmware, "" if a ULog does not tell it."""
+    vehicle: str
+    date: str
+    firmware: str | None
+    """The release of the firmware, None if a ULog does not tell it."""
     start: int | None
     """The start in ns since 1970 in UTC, None if the recording does not tell it."""
     utc_offset: int | None
     """What to add to log times in ns for UTC, None if it is not known."""
     duration: float
     """In s."""
+    samples: int
+    """The rows in the files of its topics."""
+    problems: Sequence[str]
+    """What it has and what is not in the files."""
+    notes: Sequence[str]
+    """Where definitions are from that are not in the recording."""
+    date_from: str
+    digest: str
+    """That of its contents."""
+    paths: Mapping[str, State]
+    """Where it is, or was if it is nowhere any more, and its state there. A copy is not converted."""
     files: tuple[str, ...] = ()
     """The places of the files that have its rows."""
 
@@ -78,8 +78,8 @@ class Listed(NamedTuple):
 
 
 def original_of(record: Record) -> str:
-    """Return the path of a recording of which other ones are copies: the first that there still is."""
-    return next((path for path in record.paths if is_there(path)), next(iter(record.paths), record.log))
+    """Return the path of a recording of which other ones are copies."""
+    return next(iter(record.paths), record.log)
 
 
 def encoded(listed: Listed) -> bytes:
@@ -136,12 +136,10 @@ def _is_sound(listed: Listed) -> bool:
 def _records(table: pa.Table) -> list[Record]:
     import pyarrow as pa
 
-    columns: dict[str, Any] = {name: table.column(name) for name in table.column_names if name != "files"}
-    columns["start"] = columns["start"].cast(pa.int64())
-    names = list(columns)
+    start = table.schema.get_field_index("start")
     files = _files(table.column("files"))
-    rows = zip(*(columns[name].to_pylist() for name in names), strict=True)
-    return [_record(dict(zip(names, row, strict=True)), own) for row, own in zip(rows, files, strict=True)]
+    rows = table.set_column(start, "start", table.column(start).cast(pa.int64())).drop_columns(["path", "files"])
+    return [_record(row, own) for row, own in zip(rows.to_pylist(), files, strict=True)]
 
 
 def _files(column: Any) -> list[tuple[str, ...]]:
@@ -162,31 +160,19 @@ def _files(column: Any) -> list[tuple[str, ...]]:
 
 def _row(record: Record) -> dict[str, Any]:
     return {
-        "log": record.log,
+        **record._asdict(),
         "path": _whole(original_of(record)),
-        **record.values,
-        "firmware": record.firmware or None,
-        "start": record.start,
-        "utc_offset": record.utc_offset,
-        "duration": record.duration,
-        "samples": record.rows,
         "problems": list(map(_whole, record.problems)),
         "notes": list(map(_whole, record.notes)),
-        "date_from": record.date_from,
-        "digest": record.digest,
         "paths": [
-            {"path": path.encode("utf-8", "surrogatepass"), "size": state.size, "changed": state.changed}
-            for path, state in record.paths.items()
+            {"path": path.encode("utf-8", "surrogatepass"), **state._asdict()} for path, state in record.paths.items()
         ],
     }
 
 
 def _record(row: dict[str, Any], files: tuple[str, ...]) -> Record:
     paths = {each.pop("path").decode("utf-8", "surrogatepass"): State(**each) for each in row.pop("paths")}
-    values = {key: row.pop(key) for key in KEYS}
-    del row["path"]
-    rows, firmware = row.pop("samples"), row.pop("firmware") or ""
-    return Record(paths=paths, values=values, rows=rows, firmware=firmware, files=files, **row)
+    return Record(**row, paths=paths, files=files)
 
 
 def _whole(text: str) -> str:

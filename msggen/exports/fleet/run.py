@@ -6,24 +6,26 @@ What batches and copies change is part of the fleet at once, or at the end if it
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.base.disk.urls import is_address
 from msggen.base.missing import RECORDINGS, installed_by
 from msggen.exports.fleet import pools
 from msggen.exports.fleet.batch import Batch, Outcome, Task
-from msggen.exports.fleet.finding import Found, checked, find_recordings, is_there
+from msggen.exports.fleet.finding import Found, checked, find_recordings
 from msggen.exports.fleet.fleet import REPORT, Fleet, opened_fleet, with_files
 from msggen.exports.fleet.layout import KEYS, topic_of
-from msggen.exports.fleet.parts import Files
+from msggen.exports.fleet.parts import File, Files
 from msggen.exports.fleet.planning import plan_of, tasks_of
 from msggen.exports.fleet.records import Record, original_of
 from msggen.exports.fleet.storage import absolute
+from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
-    from msggen.exports.fleet.fleet import Written
     from msggen.exports.fleet.planning import Plan
     from msggen.exports.fleet.pools import Pool
 
@@ -34,13 +36,6 @@ class Progress(NamedTuple):
     done: int
     total: int
     last: Outcome | None
-
-
-class File(NamedTuple):
-    """A file of a topic: its path in the fleet, and its size in bytes."""
-
-    place: str
-    size: int
 
 
 class Summary(NamedTuple):
@@ -56,7 +51,7 @@ class Summary(NamedTuple):
     """How many recordings have changed, so that their earlier rows were removed."""
     outcomes: Sequence[Outcome]
     """What became of the others, in the order of their paths."""
-    known: Sequence[Outcome]
+    records: Sequence[Record]
     """All recordings that the fleet has, of earlier runs too, in the order of their paths."""
     written: Sequence[File]
     """The files that this run has added."""
@@ -74,14 +69,9 @@ class Summary(NamedTuple):
         return [each for each in self.outcomes if each.record is None]
 
     @property
-    def records(self) -> list[Record]:
-        """The records of all recordings that the fleet has."""
-        return [each.record for each in self.known if each.record is not None and not each.is_copy]
-
-    @property
     def incomplete(self) -> list[Outcome]:
         """All recordings that the fleet has in part."""
-        return [each for each in self.known if each.record is not None and each.record.problems and not each.is_copy]
+        return [Outcome(original_of(each), each) for each in self.records if each.problems]
 
     @property
     def is_whole(self) -> bool:
@@ -90,35 +80,26 @@ class Summary(NamedTuple):
 
     def document(self) -> dict[str, Any]:
         """Return the summary for JSON, as in the report of a fleet: the numbers of the run, and what the fleet has."""
-        converted, records = self.converted, self.records
+        records = self.records
+        copies = [(path, original_of(each)) for each in records for path in [*each.paths][1:]]
         return {
             "found": self.found,
-            "converted": len(converted),
+            "converted": len(self.converted),
             "unchanged": self.unchanged,
             "copies": self.copies,
             "failed": [{"path": each.path, "error": each.error} for each in self.failed],
             "incomplete": [
-                {"path": each.path, "problems": list(each.record.problems)}
-                for each in self.incomplete
-                if each.record is not None
+                {"path": original_of(each), "problems": list(each.problems)} for each in records if each.problems
             ],
-            "lent": [
-                {"path": each.path, "notes": list(each.record.notes)}
-                for each in self.known
-                if each.record is not None and each.record.notes and not each.is_copy
-            ],
+            "lent": [{"path": original_of(each), "notes": list(each.notes)} for each in records if each.notes],
             "replaced": self.removed,
-            "copied": [
-                {"path": each.path, "of": original_of(each.record)}
-                for each in self.known
-                if each.record is not None and each.is_copy
-            ],
+            "copied": [{"path": path, "of": first} for path, first in sorted(copies)],
             "recordings": len(records),
             "files": len(self.files),
-            "rows": sum(each.rows for each in records),
+            "rows": sum(each.samples for each in records),
             "bytes": sum(each.size for each in self.files),
-            "vehicles": dict(sorted(Counter(each.values["vehicle"] for each in records).items())),
-            "dates": dict(sorted(Counter(each.values["date"] for each in records).items())),
+            "vehicles": dict(sorted(Counter(each.vehicle for each in records).items())),
+            "dates": dict(sorted(Counter(each.date for each in records).items())),
             "date_from": dict(sorted(Counter(each.date_from for each in records).items())),
         }
 
@@ -147,14 +128,17 @@ def update(
     folder, fleet = absolute(folder), absolute(fleet)
     found = checked(list(find_recordings(folder, without=fleet)))
     with opened_fleet(fleet, by) as own:
-        summary = _updated(found, own, pool, progress)
+        summary = _updated(folder, found, own, pool, progress)
         own.storage.write(REPORT, (json.dumps(summary.document(), indent=1) + "\n").encode())
     return summary
 
 
-def _updated(found: Sequence[Found], fleet: Fleet, pool: Pool, progress: Callable[[Progress], None]) -> Summary:
+def _updated(
+    folder: str, found: Sequence[Found], fleet: Fleet, pool: Pool, progress: Callable[[Progress], None]
+) -> Summary:
     """Convert what the fleet does not have, and return what became of it."""
-    plan = plan_of([each.path for each in found if not each.error], fleet)
+    readable, there = [each for each in found if not each.error], {each.path for each in found}
+    plan = plan_of(readable, fleet)
     before = fleet.listed()
     outcomes: list[Outcome] = []
     held = Held()
@@ -164,46 +148,42 @@ def _updated(found: Sequence[Found], fleet: Fleet, pool: Pool, progress: Callabl
         for outcome in add(batch, fleet, held, waits=not waits.isdisjoint(batch.task.paths)):
             outcomes.append(outcome)
             progress(Progress(len(outcomes), total, outcome))
-    copies, replaced = finish(plan, fleet, held, outcomes)
+
+    def is_gone(path: str) -> bool:
+        is_missing = path.startswith(f"{folder}/") if is_address(path) else not os.path.lexists(path)
+        return is_missing and path not in there
+
+    copies, replaced = finish(plan, fleet, held, outcomes, is_gone)
     files = [File(place, fleet.found.get(place, 0)) for place in sorted(fleet.listed())]
     return Summary(
         found=len(found),
-        unchanged=plan.unchanged,
+        unchanged=len(readable) - len(plan.states),
         copies=sum(each.is_copy for each in copies),
         removed=replaced,
         outcomes=_sorted([*outcomes, *copies, *(Outcome(each.path, error=each.error) for each in found if each.error)]),
-        known=_sorted(each for record in fleet.records.values() for each in _known(record)),
+        records=sorted(fleet.records.values(), key=original_of),
         written=[file for file in files if file.place not in before],
         files=files,
     )
 
 
 def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
-    """Yield what became of recordings. Those that are not converted together are converted alone."""
-    alone: list[Task] = []
-    for batch in _unless_failed(pool(tasks) if tasks else iter(())):
-        if batch.outcomes:
-            yield batch
-        else:
-            alone += batch.task.single()
-    yield from _unless_failed(pool(alone) if alone else iter(()))
+    """Yield what became of recordings. Those that are not converted together are converted alone.
 
-
-def _unless_failed(batches: Iterator[Batch]) -> Iterator[Batch]:
-    """Yield what became of recordings. Raises StoreError if a store fails."""
-    for batch in batches:
-        if batch.failed:
+    Raises StoreError if a store fails.
+    """
+    waiting: list[Task] = []
+    for batch in pool(tasks) if tasks else ():
+        if isinstance(batch.failed, StoreError):
             raise batch.failed
-        yield batch
-
-
-def _known(record: Record) -> Iterator[Outcome]:
-    """Yield a recording that the fleet has, and its copies. A path that is gone is not a copy."""
-    original = original_of(record)
-    yield Outcome(original, record)
-    for path in record.paths:
-        if path != original and is_there(path):
-            yield Outcome(path, record, is_copy=True)
+        if not batch.failed:
+            yield batch
+        elif len(batch.task.paths) > 1:
+            waiting += batch.task.single()
+        else:
+            yield batch._replace(outcomes=[Outcome(path, error=batch.failed) for path in batch.task.paths])
+    for task in waiting:  # one by one: the others may have had the memory that it needs
+        yield from _batches(pool, [task])
 
 
 def _sorted(outcomes: Iterable[Outcome]) -> list[Outcome]:
@@ -222,7 +202,7 @@ class Held:
 
     def __init__(self) -> None:
         self.records: dict[str, Record] = {}
-        self.files: list[Written] = []
+        self.files: list[File] = []
 
 
 def add(batch: Batch, fleet: Fleet, held: Held, *, waits: bool) -> Sequence[Outcome]:
@@ -231,10 +211,11 @@ def add(batch: Batch, fleet: Fleet, held: Held, *, waits: bool) -> Sequence[Outc
     Raises FleetError if another run has changed the fleet, and OSError.
     """
     records = {each.record.log: each.record for each in batch.outcomes if each.record is not None}
-    again = {name for _, name in batch.task.names}
+    again = {*batch.task.names.values()}
     known = {record.digest for own in (fleet.records, held.records) for log, record in own.items() if log not in again}
     digests = {record.digest for record in records.values()} - known
     if len(digests) != sum(each.record is not None for each in batch.outcomes):  # it was another one when it was listed
+        fleet.storage.delete(file.place for file in batch.files)
         text = "changed while it was read: run the same command again"
         return [each if each.error else Outcome(each.path, error=text) for each in batch.outcomes]
     if len(records) < len(batch.outcomes):
@@ -247,19 +228,25 @@ def add(batch: Batch, fleet: Fleet, held: Held, *, waits: bool) -> Sequence[Outc
     return batch.outcomes
 
 
-def finish(plan: Plan, fleet: Fleet, held: Held, outcomes: Sequence[Outcome]) -> tuple[list[Outcome], int]:
+def finish(
+    plan: Plan, fleet: Fleet, held: Held, outcomes: Sequence[Outcome], is_gone: Callable[[str], bool]
+) -> tuple[list[Outcome], int]:
     """Make what waited part of the fleet in the place of earlier rows, and copies. Raises as `add`.
 
-    Return the copies, and how many recordings have changed, so that their earlier rows were removed.
+    Return the copies, and how many recordings have changed, so that their earlier rows were removed. Paths that are
+    gone are forgotten if the recording is elsewhere, too.
     """
     records = {**fleet.records}
     gone = records.keys() & held.records.keys()  # of which a file was missing
     for log, record in held.records.items():
         earlier = records[log].paths if log in gone else {}
         records[log] = record._replace(paths={**earlier, **record.paths}, files=())
-    copies = list(_copies(plan, records, outcomes))
-    now = {path: record.log for record in held.records.values() for path in record.paths}
-    now |= {each.path: each.record.log for each in copies if each.record is not None}
+    logs = {record.digest: log for log, record in records.items()}
+    copied = {path: logs[digest] for path, digest in plan.copies.items() if digest in logs}
+    for path, log in copied.items():
+        if state := plan.states[path]:
+            records[log] = records[log]._replace(paths={**records[log].paths, path: state})
+    now = copied | {path: log for log, record in held.records.items() for path in record.paths}
     replaced = 0
     for log, record in [*records.items()]:
         rest = {path: state for path, state in record.paths.items() if now.get(path, log) == log}
@@ -268,30 +255,28 @@ def finish(plan: Plan, fleet: Fleet, held: Held, outcomes: Sequence[Outcome]) ->
             del records[log]
             replaced += 1
         else:
-            records[log] = record._replace(paths=rest)
+            there = {path: state for path, state in rest.items() if not is_gone(path)}
+            records[log] = record._replace(paths=there or rest)
     removed = {place for log in gone for place in fleet.records[log].files if place in fleet.found}
     added = [*held.files, *_without(gone, removed, fleet)]
     changed = with_files(records, added, removed)
     if changed != fleet.records:
         fleet.commit(changed, added, removed)
-    return copies, replaced
+    errors = {each.path: each.error for each in outcomes if each.error}
+    return [_copy(path, plan, copied, records, errors) for path in plan.copies], replaced
 
 
-def _copies(plan: Plan, records: dict[str, Record], outcomes: Sequence[Outcome]) -> Iterator[Outcome]:
-    """Yield what became of copies, and add their paths to the records."""
-    logs = {record.digest: log for log, record in records.items()}
-    failed = {each.path: each.error for each in outcomes if each.error}
-    for path, state, digest in plan.copies:
-        if digest in logs:
-            record = records[logs[digest]]
-            record = records[record.log] = record._replace(paths={**record.paths, path: state})
-            yield Outcome(path, record, is_copy=True)
-        else:
-            first = plan.firsts.get(digest, "")
-            yield Outcome(path, error=failed.get(first, "changed while it was read").replace(first, path))
+def _copy(
+    path: str, plan: Plan, copied: Mapping[str, str], records: Mapping[str, Record], errors: Mapping[str, str]
+) -> Outcome:
+    """Return what became of a copy."""
+    if path in copied:
+        return Outcome(path, records[copied[path]], is_copy=True)
+    first = plan.firsts.get(plan.copies[path], "")
+    return Outcome(path, error=errors.get(first, "changed while it was read").replace(first, path))
 
 
-def _without(gone: Collection[str], places: Collection[str], fleet: Fleet) -> list[Written]:
+def _without(gone: Collection[str], places: Collection[str], fleet: Fleet) -> list[File]:
     """Write files anew without the rows of some recordings. Raises FleetError for a damaged one, and OSError."""
     if not places:
         return []

@@ -2,142 +2,32 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
 from msggen.analysis.compare import SIDES, Comparison, comparable, compare
-from msggen.analysis.facts import facts_of
-from msggen.analysis.figures import Track
+from msggen.analysis.figures import Track, facts_of
 from msggen.analysis.flight import Flight
 from msggen.analysis.timeline import COLOURS, Timeline
 from msggen.exports.report import charts as drawn
 from msggen.exports.report.charts import Chart, Charts, Flags, Row, Section, Times, charts_of, data_of
-from msggen.exports.report.drawing import Drawing, drawing_of_flights
-from msggen.exports.report.page import MOST_ROWS, NOTHING, Shell, Shown, Strip, strip_of, template_of
+from msggen.exports.report.drawing import drawing_of_flights
+from msggen.exports.report.page import NOTHING, first_of, name_of, strip_of, template_of
 from msggen.exports.report.plans import is_needed
 from msggen.exports.report.tables import value_text
 from msggen.messages.earth import local
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.analysis.compare import Difference
     from msggen.recordings.log.log import Log
 
 _LOCAL = "vehicle_local_position"
 _FARTHEST = 5000.0
 """The distance in m between the origins of two tracks from which each begins in the middle."""
-
-
-class Said(NamedTuple):
-    """A finding of a flight, or why a rule cannot say anything of it."""
-
-    side: str
-    level: str
-    text: str
-    time: float | None = None
-    """When it was, on the axis of the page."""
-
-
-@dataclass(frozen=True)
-class Both(Shell):
-    """What the template of two flights sees."""
-
-    flights: tuple[Flight, Flight]
-    comparison: Comparison
-    charts: Charts
-    shown: tuple[drawn.Shown, ...]
-    """What is behind the charts, with the times of the page."""
-
-    @property
-    def title(self) -> str:
-        """The names of the recordings."""
-        return " and ".join(os.path.basename(os.path.abspath(each.log.path)) for each in self.flights)
-
-    @property
-    def leads(self) -> Iterator[str]:
-        """Each flight in one line."""
-        for side, flight in zip(SIDES, self.flights, strict=True):
-            facts = {fact.name: fact.value for fact in facts_of(flight.recorded)}
-            name = os.path.basename(os.path.abspath(flight.log.path))
-            parts = name, facts["Vehicle"], facts["Start"], facts["Firmware"]
-            yield f"{side}: {' · '.join(filter(None, parts))}"
-
-    @cached_property
-    def axis(self) -> Times:
-        """The time axis: 0 is the moment at which the flights are compared."""
-        moments = self.comparison.moment.first, self.comparison.moment.second
-        begin = -max(moments)
-        end = max(flight.duration - moment for flight, moment in zip(self.flights, moments, strict=True))
-        return Times(begin, end - begin or 1.0)
-
-    @cached_property
-    def strips(self) -> list[Strip]:
-        """What happened in each flight."""
-        return [strip_of(each.name, each.timeline, self.axis) for each in self.shown]
-
-    @property
-    def told(self) -> Sequence[tuple[str, Sequence[Said]]]:
-        """The findings of one flight, and those of both, each below a heading."""
-        groups = ("In one flight", True), ("In both flights", False)
-        told = ((title, list(self._told(is_of_one=is_of_one))) for title, is_of_one in groups)
-        return [each for each in told if each[1]]
-
-    def _told(self, *, is_of_one: bool) -> Iterator[Said]:
-        moment = self.comparison.moment
-        for told in self.comparison.findings:
-            if told.is_of_one is not is_of_one:
-                continue
-            sides = zip(SIDES, (told.first, told.second), (moment.first, moment.second), told.unsaid, strict=True)
-            for side, findings, start, reason in sides:
-                for each in findings:
-                    yield Said(side, each.level, each.text, None if each.time is None else each.time - start)
-                if reason and not findings:
-                    yield Said(side, "info", f"does not tell: {reason}")
-
-    @cached_property
-    def parameters(self) -> Shown:
-        """The first parameters that differ, as texts."""
-        rows = [
-            each._replace(first=value_text(each.first), second=value_text(each.second))
-            for each in self.comparison.parameters
-        ]
-        return Shown(rows[:MOST_ROWS], len(rows))
-
-    @property
-    def rates(self) -> list[Difference]:
-        """The topics whose rates differ, as texts in Hz."""
-        return [each._replace(first=f"{each.first:.1f}", second=f"{each.second:.1f}") for each in self.comparison.rates]
-
-    @cached_property
-    def topics(self) -> Sequence[tuple[str, Shown]]:
-        """The topics that only one flight has, by its name."""
-        found = zip(SIDES, self.comparison.topics, strict=True)
-        return [(side, Shown(names[:MOST_ROWS], len(names))) for side, names in found if names]
-
-    @property
-    def problems(self) -> Shown:
-        """The first problems of the recordings."""
-        logs = zip(SIDES, (flight.log for flight in self.flights), strict=True)
-        found = list(dict.fromkeys(f"{side}: {each.text}" for side, log in logs for each in log.problems))
-        return Shown(found[:MOST_ROWS], len(found))
-
-    @cached_property
-    def track(self) -> Drawing | None:
-        """The tracks, None if neither flight has positions."""
-        tracks = [(each.name, each.track) for each in self.shown if each.track is not None]
-        is_common = len(tracks) > 1 and _offset(*self.flights) is not None
-        return drawing_of_flights(tracks, is_common=is_common) if tracks else None
-
-    @cached_property
-    def data(self) -> Markup:
-        """The data of the charts: JSON without characters of HTML."""
-        return Markup(data_of(self.axis, self.shown, self.charts.sections))  # noqa: S704
 
 
 def report_of_both(*logs: Log) -> str:
@@ -149,8 +39,63 @@ def report_of_both(*logs: Log) -> str:
         charts = _over_each_other([charts_of(each.recorded) for each in (first, second)], moments)
         if not charts.sections:
             raise RecordingError(NOTHING)
-        page = Both((first, second), comparison, charts, tuple(_shown((first, second), moments)))
-        return template_of("both").render(page=page)
+        return template_of("both").render(_values((first, second), comparison, charts))
+
+
+def _values(flights: tuple[Flight, Flight], comparison: Comparison, charts: Charts) -> dict[str, object]:
+    """Return what the template of two flights sees, by name. 0 is the moment at which they are compared."""
+    moments = comparison.moment.first, comparison.moment.second
+    begin = -max(moments)
+    end = max(flight.duration - moment for flight, moment in zip(flights, moments, strict=True))
+    axis = Times(begin, end - begin or 1.0)
+    shown = list(_shown(flights, moments))
+    tracks = [(each.name, each.track) for each in shown if each.track is not None]
+    is_common = len(tracks) > 1 and _offset(*flights) is not None
+    groups = (("In one flight", True), ("In both flights", False))
+    told = ((title, list(_told(comparison, is_of_one=is_of_one))) for title, is_of_one in groups)
+    parameters = [
+        each._replace(first=value_text(each.first), second=value_text(each.second)) for each in comparison.parameters
+    ]
+    sides = list(zip(SIDES, flights, strict=True))
+    return {
+        "title": " and ".join(name_of(each.log) for each in flights),
+        "leads": [_lead(*each) for each in sides],
+        "comparison": comparison,
+        "charts": charts,
+        "axis": axis,
+        "strips": [strip_of(each.name, each.timeline, axis) for each in shown],
+        "told": [each for each in told if each[1]],
+        "parameters": first_of(parameters),
+        "rates": [each._replace(first=f"{each.first:.1f}", second=f"{each.second:.1f}") for each in comparison.rates],
+        "topics": [(side, first_of(own)) for side, own in zip(SIDES, comparison.topics, strict=True) if own],
+        "track": drawing_of_flights(tracks, is_common=is_common) if tracks else None,
+        "data": Markup(data_of(axis, shown, charts.sections)),  # noqa: S704 - escaped
+        "problems": first_of(
+            list(dict.fromkeys(f"{side}: {each.text}" for side, flight in sides for each in flight.log.problems))
+        ),
+    }
+
+
+def _lead(side: str, flight: Flight) -> str:
+    """Return a flight in one line."""
+    facts = {fact.name: fact.value for fact in facts_of(flight.recorded)}
+    parts = name_of(flight.log), facts["Vehicle"], facts["Start"], facts["Firmware"]
+    return f"{side}: {' · '.join(filter(None, parts))}"
+
+
+def _told(comparison: Comparison, *, is_of_one: bool) -> Iterator[dict[str, object]]:
+    """Yield the findings of one flight, or those of both, and why a rule cannot say anything of a flight."""
+    moment = comparison.moment
+    for told in comparison.findings:
+        if told.is_of_one is not is_of_one:
+            continue
+        sides = zip(SIDES, (told.first, told.second), (moment.first, moment.second), told.unsaid, strict=True)
+        for side, findings, start, reason in sides:
+            for each in findings:
+                time = None if each.time is None else each.time - start
+                yield {"side": side, "level": each.level, "text": each.text, "time": time}
+            if reason and not findings:
+                yield {"side": side, "level": "info", "text": f"does not tell: {reason}", "time": None}
 
 
 def _shown(flights: tuple[Flight, Flight], moments: tuple[float, float]) -> Iterator[drawn.Shown]:

@@ -3,48 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
 
 
-class Parameter(NamedTuple):
-    """A parameter, with texts for its values."""
+def parameters_of(log: Log) -> list[dict[str, str]]:
+    """Return the parameters that had other values than their defaults at the start, as texts.
 
-    name: str
-    value: str
-    airframe: str
-    """The default of the airframe, "" if the value is that."""
-    firmware: str
-    """The default of the firmware, "" if the value is that."""
-
-
-class Change(NamedTuple):
-    """A parameter that changed during the log."""
-
-    time: float
-    name: str
-    before: str
-    after: str
-
-
-class TopicRow(NamedTuple):
-    """A topic of the recording."""
-
-    name: str
-    type: str
-    samples: str
-    rate: str
-    gaps: str
-
-
-def parameters_of(log: Log) -> list[Parameter]:
-    """Return the parameters that had other values than their defaults at the start."""
+    A default is "" if the value is that.
+    """
     facts = log.facts
     airframe, firmware = facts.tuned, facts.configured
     return [
-        Parameter(name, number(facts.parameters[name]), _default(airframe, name), _default(firmware, name))
+        {
+            "name": name,
+            "value": number(facts.parameters[name]),
+            "airframe": _default(airframe, name),
+            "firmware": _default(firmware, name),
+        }
         for name in sorted({*airframe, *firmware})
     ]
 
@@ -53,13 +31,14 @@ def _default(defaults: Mapping[str, float], name: str) -> str:
     return number(defaults[name]) if name in defaults else ""
 
 
-def changes_of(log: Log) -> list[Change]:
-    """Return the parameters that changed during the log, in the order of time."""
+def changes_of(log: Log) -> list[dict[str, str | float]]:
+    """Return the parameters that changed during the log, in the order of time, which is in s after the start."""
     values = dict(log.parameters)
-    found = []
+    found: list[dict[str, str | float]] = []
     for time, name, value in log.facts.changed_parameters:
         before = values.get(name)
-        found.append(Change((time - log.start) / 1e9, name, "" if before is None else number(before), number(value)))
+        texts = {"before": "" if before is None else number(before), "after": number(value)}
+        found.append({"time": (time - log.start) / 1e9, "name": name, **texts})
         values[name] = value
     return found
 
@@ -74,8 +53,8 @@ def value_text(value: str | float | None) -> str:
     return "-" if value is None else value if isinstance(value, str) else number(value)
 
 
-def topics_of(log: Log) -> list[TopicRow]:
-    """Return the topics that have samples."""
+def topics_of(log: Log) -> list[dict[str, str]]:
+    """Return the topics that have samples, as texts."""
     found = []
     for topic in log.topics:
         if not topic.count:
@@ -83,6 +62,13 @@ def topics_of(log: Log) -> list[TopicRow]:
         gaps = topic.gaps
         longest = max((after - before for before, after in gaps), default=0) / 1e9
         text = f"{len(gaps):,}, up to {longest:.2f} s" if gaps else ""
-        rate = f"{topic.rate:.1f}" if topic.rate else ""
-        found.append(TopicRow(topic.label, topic.ros_type.rpartition("/")[2], f"{topic.count:,}", rate, text))
+        found.append(
+            {
+                "name": topic.label,
+                "type": topic.ros_type.rpartition("/")[2],
+                "samples": f"{topic.count:,}",
+                "rate": f"{topic.rate:.1f}" if topic.rate else "",
+                "gaps": text,
+            }
+        )
     return found

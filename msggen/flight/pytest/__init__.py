@@ -21,7 +21,7 @@ from msggen.flight.pytest.vehicle import Airspace, SimVehicle
 from msggen.generate.cache import package_of
 from msggen.sim import Options
 from msggen.sim.parameters import SETTABLE
-from msggen.sim.world import Home
+from msggen.sim.places import Home
 from msggen.sources.embedded import EMBEDDED, unknown_release
 
 __all__ = ["Answer", "Home", "ModeChange", "Place", "Sent", "SimVehicle"]

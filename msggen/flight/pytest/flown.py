@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import math
+import os
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.messages.nav_states import MODE_NAMES, SELECTABLE, mode_number
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from msggen.sim.world import World
-
-
-import os
-import re
-from contextlib import suppress
-from importlib import import_module
-from types import ModuleType
-
 from msggen.sim import Options
 from msggen.sim.disturbances import noise_with
 from msggen.sim.publishing import Schedule, publication_of
 from msggen.sim.ulog import UlogWriter, Vehicle
 from msggen.sim.values import Clocks, Scene
 from msggen.sim.world import World
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _INTERVAL = 20_000
 """The time in us between two places of the track."""
@@ -215,10 +210,8 @@ class Recording:
             self._state = state
             self._writer.text(now, state)
         scene = Scene(world, self._noise, Clocks())
-        for publication in self._schedule.take(now):
-            message = publication.filler.make(scene, now)
-            if message is not None:
-                self._writer.add(publication.topic, message)
+        for publication, message in self._schedule.messages(scene, now):
+            self._writer.add(publication.topic, message)
 
     def add(self, topic: str, message: Any) -> None:
         """Write a message of a program, or an answer to it."""

@@ -20,13 +20,10 @@ from msggen.definitions.primitives import PRIMITIVES, STRINGS
 
 
 class Definition(NamedTuple):
-    """A `.msg` file, with types and constants in the spelling that templates expect."""
+    """A `.msg` file."""
 
     message: Message
     text: str
-    topics: tuple[str, ...]
-    fields: tuple[tuple[str, str], ...]
-    constants: tuple[tuple[str, str, object], ...]
 
 
 class Definitions:
@@ -133,10 +130,7 @@ def _read(path: str, package: str, name: str) -> tuple[Definition, list[Diagnost
     message, more = parse_message(text, path, name, package)
     errors = [found for found in (*errors, *more) if found.level is Level.ERROR]
     errors += _unsupported(message)
-    constants = tuple((str(constant.type), constant.name, constant.value) for constant in message.constants)
-    fields = tuple((field.name, _type_text(field, message)) for field in message.fields)
-    definition = Definition(message=message, text=text, topics=message.topic_names, fields=fields, constants=constants)
-    return definition, errors
+    return Definition(message, text), errors
 
 
 def _invalid_paths(paths: Iterable[str], folders: Iterable[str]) -> Iterator[Diagnostic]:
@@ -200,11 +194,3 @@ def _inconsistencies(messages: Sequence[Message], known: Iterable[Message], pack
     yield from check_timestamps(messages)
     yield from check_topics(messages)
     yield from check_nesting(known, (), package)
-
-
-def _type_text(field: Field, message: Message) -> str:
-    """Return the type in the spelling that templates expect: a nested message always has its package."""
-    base = field.type.name if field.type.is_primitive else message.key_of(field.type)
-    if field.type.array is ArrayKind.SCALAR:
-        return base
-    return f"{base}[{field.type.length}]" if field.type.array is ArrayKind.FIXED else f"{base}[]"

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from enum import Enum
 from glob import escape, glob
-from types import ModuleType
 from typing import NamedTuple
 
 from msggen.base.diagnostics import InputError, few, input_error
@@ -45,9 +43,9 @@ def generate_messages(request: Request) -> dict[str, str]:
     template = EmpyTemplate(_find(request.templates, request.kind.value[0]))
     definitions = Definitions()
     read = definitions.read_all(request.files, request.package, _search_path(request))
-    topics = [topic for definition in read for topic in definition.topics]
+    topics = [topic for definition in read for topic in definition.message.topic_names]
     made = {}
-    with using(definitions), importing_from(_helper_folder(request.templates), _genmsg()):
+    with using(definitions), importing_from(_helper_folder(request.templates), genmsg.modules()):
         for definition in read:
             names = _names(definition, request)
             made[_output(request.kind, definition)] = _expand(template, {**names, "all_topics": sorted(topics)})
@@ -103,8 +101,8 @@ def _names(definition: Definition, request: Request) -> dict[str, object]:
     path = message.location.path
     search_path = _search_path(request)
     context = genmsg.MsgContext.create_default()
-    full_name = genmsg.gentools.compute_full_type_name(request.package, os.path.basename(path))
-    spec = genmsg.msg_loader.load_msg_from_file(context, path, full_name)
+    full_name = genmsg.compute_full_type_name(request.package, os.path.basename(path))
+    spec = genmsg.load_msg_from_file(context, path, full_name)
     genmsg.load_depends(context, spec, search_path)
     return {
         "name_snake_case": snake_case(message.name),
@@ -113,7 +111,7 @@ def _names(definition: Definition, request: Request) -> dict[str, object]:
         "search_path": search_path,
         "msg_context": context,
         "spec": spec,
-        "topics": list(definition.topics),
+        "topics": list(message.topic_names),
     }
 
 
@@ -143,10 +141,3 @@ def _helper_folder(templates: str) -> tuple[str, ...]:
         if folder == below:
             return ()
     return (folder,)
-
-
-def _genmsg() -> dict[str, ModuleType]:
-    """Return the modules that replace `genmsg`, by the names under which templates import them."""
-    prefix = f"{genmsg.__name__}."
-    inner = {name.removeprefix(prefix): module for name, module in sys.modules.items() if name.startswith(prefix)}
-    return {"genmsg": genmsg, **{f"genmsg.{name}": module for name, module in inner.items()}}

@@ -146,26 +146,6 @@ class MessageClass(NamedTuple):
         return any(field.type.array is not ArrayKind.SCALAR and not field.type.is_primitive for field in self.fields)
 
     @property
-    def attributes(self) -> list[tuple[str, str, str]]:
-        """Attribute, annotation and documentation of each field."""
-        return [(field.attribute, field.annotation, field.documentation) for field in self.fields]
-
-    @property
-    def parameters(self) -> list[str]:
-        """The parameters of `__init__`."""
-        return [field.parameter for field in self.fields]
-
-    @property
-    def assignments(self) -> list[str]:
-        """The statements of `__init__`."""
-        return [f"self.{field.attribute} = {field.initial}" for field in self.fields]
-
-    @property
-    def descriptions(self) -> list[str]:
-        """The description of each field in `__msg__`."""
-        return [field.description for field in self.fields]
-
-    @property
     def constant_rows(self) -> list[str]:
         """The constants in `__msg__`, as literals: `"uint8 LOW HIGH mro=mro_"` for consecutive ones of a type."""
         return [

@@ -22,25 +22,11 @@ _OF_TEMPLATE = ("classmethod", "downgrade", "self", "upgrade")
 
 _OF_CLASSES = frozenset({*keyword.kwlist, "DecodeError", "EncodeError"})
 
-_OF_ENUMS = frozenset(
-    {
-        *keyword.kwlist,
-        "as_integer_ratio",
-        "bit_count",
-        "bit_length",
-        "conjugate",
-        "denominator",
-        "from_bytes",
-        "imag",
-        "is_integer",
-        "mro",
-        "name",
-        "numerator",
-        "real",
-        "to_bytes",
-        "value",
-    }
+_MEMBERS = (
+    "as_integer_ratio bit_count bit_length conjugate denominator from_bytes imag is_integer mro name "
+    "numerator real to_bytes value"
 )
+_OF_ENUMS = frozenset({*keyword.kwlist, *_MEMBERS.split()})
 """The names that no member of an IntEnum can have, in any version of Python."""
 
 

@@ -273,68 +273,37 @@ def endpoint_documentation(endpoint: Endpoint) -> str:
     return f"`{endpoint.ros_name}`, in DDS `{endpoint.dds_name}`{rate}."
 
 
+_COPIED = (
+    "arrays batch cdr clock covariances encapsulation explain frames hints lazy lookup meaning odometry places "
+    "primitives quantities recordings records registry rotations showing text timesync units"
+)
+"""The modules that every package has, and that are copied unchanged."""
+
 FILES = (
-    _File("__init__.py", _init),
-    _support("arrays.py"),
-    _support("batch.py"),
-    _support("cdr.py"),
-    _support("clock.py"),
-    _support("covariances.py"),
-    _File("commands.py", _commands, lambda package: has_commands(package.catalog)),
+    *(_support(f"{name}.py") for name in _COPIED.split()),
     _shared("dtypes.py"),
-    _support("encapsulation.py"),
-    _support("explain.py"),
-    _support("frames.py"),
-    _support("hints.py"),
+    _shared("unit.py"),
+    _File("__init__.py", _init),
+    _File("commands.py", _commands, lambda package: has_commands(package.catalog)),
     _File("info.py", lambda _: _render("info", tags=ATTRIBUTES)),
-    _support("lazy.py"),
-    _support("lookup.py"),
-    _support("meaning.py"),
     _File("names.json", lambda package: name_table(package.catalog)),
-    _support("odometry.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
     _support("parameters.py", lambda package: has_commands(package.catalog)),
-    _support("places.py"),
-    _support("primitives.py"),
     _File("py.typed", lambda _: ""),
-    _support("quantities.py"),
-    _support("recordings.py"),
-    _support("records.py"),
-    _support("registry.py"),
     _File("ros.py", _ros, _has_geometry),
-    _support("rotations.py"),
-    _support("showing.py"),
     _support("stream.py", _HAS_STREAMS),
-    _support("text.py"),
-    _support("timesync.py"),
     _File("topics.py", _topics),
     _File(
         "translations.py",
         lambda package: _render("translations", table=translation_table(package.catalog)),
         _HAS_VERSIONS,
     ),
-    _shared("unit.py"),
-    _support("units.py"),
     _support("versions.py", _HAS_VERSIONS),
 )
 """All files that do not belong to one definition. A new file of the generated package needs a row here."""
 
-TOOLS = (
-    "batch",
-    "cdr",
-    "clock",
-    "commands",
-    "encapsulation",
-    "frames",
-    "meaning",
-    "recordings",
-    "ros",
-    "showing",
-    "text",
-    "topics",
-    "units",
-    "versions",
-)
+_FOR_USERS = "batch cdr clock commands encapsulation frames meaning recordings ros showing text topics units versions"
+TOOLS = tuple(_FOR_USERS.split())
 """The modules for users, which editors complete. docs/package.md lists them."""
 
 _FOLDERS = {"msg": "Messages", "srv": "Services"}

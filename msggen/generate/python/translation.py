@@ -25,16 +25,22 @@ from msggen.definitions.translation import (
 )
 from msggen.generate.python.names import attribute_names
 from msggen.generate.python.translation_rules import (
+    BOOL,
     EACH,
+    FLOAT,
+    INTEGER,
+    KINDS,
     Computed,
     Copied,
     Part,
     Rule,
+    UnclearError,
     Unread,
     element_slice,
+    fitted,
+    kind_of_value,
     places_of,
 )
-from msggen.generate.python.translation_values import BOOL, FLOAT, INTEGER, KINDS, UnclearError, fitted, kind_of_value
 
 _ZEROS: Mapping[str, bool | float] = {BOOL: False, INTEGER: 0, FLOAT: 0.0}
 _MAX_SIZE = 500

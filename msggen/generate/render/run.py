@@ -6,15 +6,18 @@ import os
 import posixpath
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeAlias
 
 from msggen.base.diagnostics import Diagnostic, InputError, input_error, suggestion
 from msggen.base.disk.names import path_hint, too_long
 from msggen.base.disk.reading import read_bytes
 from msggen.base.location import Location
 from msggen.definitions.model import Catalog
-from msggen.generate.render.jinja_template import JinjaTemplate, Pattern
+from msggen.generate.render.templates import Empy, JinjaTemplate, Pattern
 from msggen.generate.render.views import CatalogView, Views
+
+Template: TypeAlias = JinjaTemplate | Empy
+"""A template of Jinja2 or EmPy."""
 
 OPTION = "--name"
 """The option for a pattern of names."""
@@ -31,23 +34,6 @@ _NAMES = {
     "endpoint": "{{ endpoint.ros_name[1:] }}",
 }
 """The default patterns of output names, without the suffix. The output for a catalog has the name of the template."""
-
-
-class Template(Protocol):
-    """A template of Jinja2 or EmPy."""
-
-    path: str
-
-    @property
-    def names(self) -> Collection[str] | None:
-        """The names that the template and its includes use, None if they are not known."""
-
-    @property
-    def inputs(self) -> Collection[str]:
-        """The files that were read so far: the template and its includes."""
-
-    def expand(self, names: Mapping[str, object]) -> str:
-        """Return the text of the template for `names`. Raises InputError."""
 
 
 class Item(NamedTuple):
@@ -67,8 +53,6 @@ def open_template(path: str) -> Template:
     if kind == ".j2":
         return JinjaTemplate(path)
     if kind == ".em":
-        from msggen.generate.render.empy_template import Empy
-
         return Empy(path)
     raise input_error(path, "T205", "expected a Jinja2 template (*.j2) or an EmPy template (*.em)", 0)
 

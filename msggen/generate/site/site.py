@@ -81,11 +81,6 @@ class Site:
         return tuple(sorted(self.views.catalog.endpoints, key=lambda topic: (topic.direction == "in", topic.ros_name)))
 
     @cached_property
-    def has_zenoh(self) -> bool:
-        """Whether the firmware has a list of topics for Zenoh."""
-        return bool(self.catalog.zenoh)
-
-    @cached_property
     def enums(self) -> tuple[Enum, ...]:
         """The enums of all messages."""
         return tuple(enum for each in self._definitions for enum in enums_of(each, self.views.message(each)))
@@ -94,11 +89,6 @@ class Site:
     def graph(self) -> Graph:
         """The graph of messages that nest others."""
         return draw(self.messages)
-
-    @property
-    def has_changes(self) -> bool:
-        """Whether a previous release is known."""
-        return self.changes is not None
 
     @cached_property
     def guide(self) -> tuple[Page, ...]:
@@ -153,11 +143,11 @@ class Site:
 
     def topics_of(self, message: MessageView) -> tuple[EndpointView, ...]:
         """Return the bridged topics that carry `message`."""
-        return tuple(self._topics.get(message, ()))
+        return tuple(endpoint for endpoint in self.endpoints if endpoint.message is message)
 
     def enums_of(self, message: MessageView) -> tuple[Enum, ...]:
         """Return the enums of `message`."""
-        return self._enums.get(message, ())
+        return tuple(enum for enum in self.enums if enum.message is message)
 
     def enum_of(self, value: FieldView) -> Enum | None:
         """Return the enum whose members are the values of a field, or None."""
@@ -264,20 +254,6 @@ class Site:
             for inner in inner_of(message):
                 users.setdefault(inner, []).append(message)
         return users
-
-    @cached_property
-    def _topics(self) -> dict[MessageView, list[EndpointView]]:
-        topics: dict[MessageView, list[EndpointView]] = {}
-        for endpoint in self.endpoints:
-            topics.setdefault(endpoint.message, []).append(endpoint)
-        return topics
-
-    @cached_property
-    def _enums(self) -> dict[MessageView, tuple[Enum, ...]]:
-        found: dict[MessageView, tuple[Enum, ...]] = {}
-        for enum in self.enums:
-            found[enum.message] = (*found.get(enum.message, ()), enum)
-        return found
 
     @cached_property
     def _enum_of_field(self) -> dict[FieldView, Enum]:

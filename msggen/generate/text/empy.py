@@ -14,9 +14,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, TypeAlias
 
 from msggen.base.diagnostics import InputError, input_error, suggestion
-from msggen.base.disk.reading import read_text
 from msggen.base.disk.resources import PACKAGE
-from msggen.generate.text.words import NotTextError, unknown_name
+from msggen.generate.text.words import NotTextError, read_template, unknown_name
 
 if TYPE_CHECKING:
     from msggen.generate.text.empy_program import Program
@@ -46,7 +45,7 @@ class EmpyTemplate:
         """
         self.path = path
         self._modules: dict[str, ModuleType] = {}
-        self._program = _program(path, _read(path) if text is None else text)
+        self._program = _program(path, read_template(path) if text is None else text)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -71,15 +70,6 @@ class EmpyTemplate:
                 code, text = _describe(error, self.path, hint)
                 raise input_error(self.path, code, text, self._program.line_of(error)) from error
         return text
-
-
-def _read(path: str) -> str:
-    try:
-        return read_text(path)
-    except UnicodeDecodeError as error:
-        raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from error
-    except OSError as error:
-        raise input_error(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from error
 
 
 def _program(path: str, text: str) -> Program:

@@ -1,4 +1,4 @@
-"""The filters of templates in addition to those of Jinja2: spellings of names, and comments."""
+"""What templates of both languages need: their text, filters for spellings of names and for comments, and errors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from textwrap import wrap
 from types import MappingProxyType
 
-from msggen.base.diagnostics import suggestion
+from msggen.base.diagnostics import input_error, suggestion
+from msggen.base.disk.reading import read_text
 from msggen.definitions.model import snake_case
 
 _WIDTH = 100
@@ -28,6 +29,16 @@ _OTHER_NAMES = {
 
 class NotTextError(TypeError):
     """An error: a template writes an object that is not text."""
+
+
+def read_template(path: str) -> str:
+    """Return the text of a template. Raises InputError."""
+    try:
+        return read_text(path)
+    except UnicodeDecodeError as error:
+        raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
+    except OSError as error:
+        raise input_error(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from None
 
 
 def paragraphs(lines: list[str]) -> list[str]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import Final, NamedTuple
 
 from msggen.link.age import OtherClock
 from msggen.link.link import Remote, Route
 from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of
 from msggen.link.rmw_zenoh.names import Key, beat_of, key_of_carried, place_in
-from msggen.link.rmw_zenoh.sequences import Sequences
 
 PX4: Final = re.compile("px4_([0-9a-f]{32})")
 """The names of the nodes of PX4's module `zenoh`, with the guid."""
@@ -22,11 +22,42 @@ NO_HASHES: Final = (
 _SESSIONS: Final = 4
 """The newest sessions of a vehicle whose beats are heard."""
 
+_MOST_LOST: Final = 1_000_000
+"""The largest gap that is one. PX4 counts 250 samples of a topic in a second."""
+_TWINS: Final = 5
+"""How often the numbers of a topic go back until two vehicles must count. A vehicle that restarts goes back once."""
+
 
 def is_out(key: Key) -> bool:
     """Whether PX4 publishes the topic of a key."""
     place = place_in(key.name)
     return place is not None and place[1] == "out"
+
+
+class Sequences:
+    """The sequence numbers of the topics in a session: what is missing, and whether two vehicles count."""
+
+    def __init__(self) -> None:
+        self._last: dict[Route, int] = {}
+        self._backwards: Counter[Route] = Counter()
+        self.are_two = False
+        """Whether two vehicles count, so that gaps tell nothing."""
+
+    def forget(self, route: Route) -> None:
+        """Forget the number of a topic, of which samples were left out on purpose."""
+        self._last.pop(route, None)
+
+    def missing(self, route: Route, number: int) -> int:
+        """Take the number of a sample, and return how many samples of its topic are missing before it."""
+        last = self._last.get(route)
+        self._last[route] = number
+        if last is None or number == last + 1 or self.are_two:
+            return 0
+        if number <= last:
+            self._backwards[route] += 1
+            self.are_two = self._backwards[route] >= _TWINS
+            return 0
+        return number - last - 1 if number - last - 1 <= _MOST_LOST else 0
 
 
 class Identity(NamedTuple):

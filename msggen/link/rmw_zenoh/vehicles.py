@@ -41,7 +41,6 @@ from msggen.link.rmw_zenoh.names import (
     parse_token,
     place_in,
 )
-from msggen.link.rmw_zenoh.sequences import Sequences
 from msggen.link.rmw_zenoh.vehicle import (
     NO_HASHES,
     OLD,
@@ -49,6 +48,7 @@ from msggen.link.rmw_zenoh.vehicle import (
     Flow,
     Identity,
     Open,
+    Sequences,
     Vehicle,
     is_out,
     message_of,

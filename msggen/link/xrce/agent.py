@@ -221,32 +221,31 @@ class Agent:
         return [session.address for session in self._connected.values()]
 
     def hashes(self, number: int) -> Mapping[str, int]:
-        """Return the hashes of definitions that are known of vehicle `Remote.number`. Raises LinkError."""
-        return self._find(number).hashes
+        """Return the hashes of definitions that are known of vehicle `Remote.number`, none if it is not connected."""
+        session = self._connected.get(number)
+        return session.hashes if session else {}
 
     def remember(self, number: int, hashes: Mapping[str, int]) -> None:
-        """Write down the hashes of definitions of vehicle `Remote.number`. Raises LinkError if it is not connected."""
-        session = self._find(number)
-        if hashes != session.hashes:
+        """Write down the hashes of definitions of vehicle `Remote.number`, if it is connected."""
+        session = self._connected.get(number)
+        if session is not None and hashes != session.hashes:
             session.hashes = MappingProxyType(dict(hashes))
             session.journal.version += 1
 
     def samples(self, number: int) -> Mapping[str, tuple[bytes, int]]:
-        """Return the samples that are kept of vehicle `Remote.number`, by route. Raises LinkError."""
-        return self._find(number).samples
+        """Return the samples that are kept of vehicle `Remote.number`, by route, none if it is not connected."""
+        session = self._connected.get(number)
+        return session.samples if session else {}
 
     def keep(self, number: int, samples: Mapping[str, tuple[bytes, int]]) -> None:
-        """Write down samples of vehicle `Remote.number`, by route: the newest ones, as far as a record takes them.
-
-        Raises LinkError if it is not connected.
-        """
-        session, left = self._find(number), self._limits.record
+        """Write down samples of vehicle `Remote.number`, by route: the newest ones, as far as a record takes them."""
+        session, left = self._connected.get(number), self._limits.record
         kept: dict[str, tuple[bytes, int]] = {}
         for name, sample in sorted(samples.items(), key=lambda each: each[1][1], reverse=True):
             left -= len(name) + len(sample[0])
             if left >= 0:
                 kept[name] = sample
-        if kept != session.samples:
+        if session is not None and kept != session.samples:
             session.samples = MappingProxyType(kept)
             session.journal.version += 1
 
@@ -270,8 +269,9 @@ class Agent:
         self._find(number).call(object_id, request, payload, until)
 
     def routes(self, number: int) -> Sequence[Route | Service]:
-        """Return the routes and services of a connected vehicle. Raises LinkError if it is not connected."""
-        return self._find(number).inventory.routes()
+        """Return the routes and services of a vehicle, none if it is not connected."""
+        session = self._connected.get(number)
+        return session.inventory.routes() if session else ()
 
     def clients(self) -> list[Client]:
         """Return all clients that have begun a session, also those that are silent by now."""

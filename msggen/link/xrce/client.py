@@ -31,9 +31,8 @@ from msggen.link.xrce.client_events import Connected, Disconnected, Event, Excha
 from msggen.link.xrce.client_inbox import LOOP, Inbox
 from msggen.link.xrce.client_liveness import Liveness, is_known
 from msggen.link.xrce.client_streams import ClientStreams
-from msggen.link.xrce.client_times import Question
+from msggen.link.xrce.client_times import OffsetFilter, Question
 from msggen.link.xrce.entities import READER, REPLIER, WRITER, object_id, object_number
-from msggen.link.xrce.offset import OffsetFilter
 
 _Steps: TypeAlias = "Generator[int, None, None]"
 _Outcome: TypeAlias = "Generator[int, None, bool]"

@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from msggen.base.diagnostics import InputError, few
 from msggen.messages.names import version_of
@@ -21,9 +21,6 @@ from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from msggen.recordings.definitions.ros_types import is_unnamed, standard_types, types_in
 from msggen.recordings.source.source import Channel, Part, SchemaError, Source
-
-if TYPE_CHECKING:
-    from msggen.definitions.model import Catalog
 
 Definitions = ModuleType | str | os.PathLike[str]
 """A generated package; a ROS package, a firmware or another source of `msggen.read`; or a release: "v1.17"."""
@@ -42,6 +39,13 @@ _RULES_OF_UORB = frozenset({"M301", "M306", "M307", "M401"})
 _IS_HASH = re.compile("RIHS01_[0-9a-f]{64}")
 
 
+class Nearby(NamedTuple):
+    """Definitions that are tried beside those of the releases, if any are needed."""
+
+    find: Callable[[], tuple[ModuleType, str] | None]
+    """Returns a package and its name for people, or None."""
+
+
 class Lender(NamedTuple):
     """A set of definitions."""
 
@@ -55,11 +59,8 @@ class Lender(NamedTuple):
     otherwise: Nearby | None = None
 
 
-class Nearby(NamedTuple):
-    """Definitions that are tried beside those of the releases, if any are needed."""
-
-    find: Callable[[], tuple[ModuleType, str] | None]
-    """Returns a package and its name for people, or None."""
+NOBODY = Lender("", lambda *_: (), is_of_px4=False)
+"""No set of definitions: those of the releases are taken."""
 
 
 class Lent(NamedTuple):
@@ -85,21 +86,19 @@ class _Wanted(NamedTuple):
         return self.channel.topic, self.channel.ros_type
 
 
-def lender_of(definitions: Definitions | Nearby | list[Definitions | Nearby]) -> Lender | Nearby:
+def lender_of(definitions: Definitions | Nearby | list[Definitions | Nearby]) -> Lender:
     """Return the definitions of packages, folders, a firmware or a release. Raises InputError, and TypeError.
 
     Of several, the first one that has a type is taken.
     """
     if isinstance(definitions, Nearby):
-        return definitions
+        return NOBODY._replace(otherwise=definitions)
     if isinstance(definitions, ModuleType):
         from msggen.messages.packages import packages_of
 
         return _of_package(*packages_of(definitions))
     if isinstance(definitions, list):
-        found = [lender_of(each) for each in definitions]
-        lenders = [each for each in found if isinstance(each, Lender)]
-        return _joined(lenders, next((each for each in found if isinstance(each, Nearby)), None))
+        return _joined(list(map(lender_of, definitions)))
     path = os.fspath(definitions)
     find = types_in(path)
     if find is None:
@@ -108,27 +107,28 @@ def lender_of(definitions: Definitions | Nearby | list[Definitions | Nearby]) ->
     return _of_unnamed(own) if is_unnamed(path) else own
 
 
-def _joined(lenders: Sequence[Lender], otherwise: Nearby | None) -> Lender:
+def _joined(lenders: Sequence[Lender]) -> Lender:
     def find(name: str, ros_type: str) -> list[str]:
         return [text for each in lenders for text in each.definitions_of(name, ros_type)]
 
     topics = frozenset(topic for each in lenders for topic in each.topics)
     is_of_px4 = any(each.is_of_px4 for each in lenders)
-    return Lender(few([each.name for each in lenders]), find, topics, is_of_px4, otherwise)
+    otherwise = next((each.otherwise for each in lenders if each.otherwise is not None), None)
+    return Lender(few([each.name for each in lenders if each.name]), find, topics, is_of_px4, otherwise)
 
 
 def _of_unnamed(package: Lender) -> Lender:
     """Return the definitions of a folder without a package.xml, which can also be a folder of PX4's definitions."""
     try:
-        return _joined([package, _of_catalog(package.name)], None)
+        return _joined([package, _of_catalog(package.name)])
     except InputError as error:
         if {each.code for each in error.diagnostics} <= _RULES_OF_UORB:
             return package
         raise
 
 
-def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: Callable[[], None]) -> Lent:
-    """Find definitions for the channels of CDR that have none, without `lender` those of an embedded release.
+def lend(sources: Sequence[Source], lender: Lender, check_open: Callable[[], None]) -> Lent:
+    """Find definitions for the channels of CDR that have none: of `lender`, or else of an embedded release.
 
     Of the releases and what is `Nearby`, that one is taken whose definitions fit the samples of the most topics.
     `check_open` is called before samples are read.
@@ -142,27 +142,21 @@ def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: 
     if not lacking:
         return Lent({}, ())
     check_open()
-    wanted = [_Wanted(key, channel, part) for key, (channel, part) in _with_samples(sources, lacking).items()]
+    wanted = _with_samples(sources, lacking)
     recorded = _fitting([each for each in wanted if not each.channel.definition_format], _of_recording(sources))
     others = _from_elsewhere([each for each in wanted if each.key not in recorded], lender)
     return Lent({**recorded, **others.definitions}, others.notes, recorded.keys())
 
 
-def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
+def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender) -> Lent:
     """Find definitions that are not in the recording. Standard types are not PX4's, and have a source of their own."""
-    others = [each for each in wanted if not _is_in(each, lender)]
+    others = [
+        each for each in wanted if not (each.channel.ros_type.startswith(_PX4) or lender.definitions_of(*each.names))
+    ]
     standard = _of_standard_types(others)
-    rest = [each for each in wanted if each.key not in standard.definitions]
-    found = _from_lender(rest, lender)
+    found = _from_lender([each for each in wanted if each.key not in standard.definitions], lender)
     hint = _hint([each for each in others if each.key not in standard.definitions])
     return Lent({**standard.definitions, **found.definitions}, (*found.notes, *standard.notes, *hint))
-
-
-def _is_in(each: _Wanted, lender: Lender | Nearby | None) -> bool:
-    """Whether a definition is expected of `lender`, or without one, of a release."""
-    if isinstance(lender, Lender) and lender.definitions_of(*each.names):
-        return True
-    return each.channel.ros_type.startswith(_PX4)
 
 
 def _of_standard_types(wanted: Sequence[_Wanted]) -> Lent:
@@ -190,17 +184,21 @@ def _hint(wanted: Sequence[_Wanted]) -> Iterator[str]:
         yield f"for the types of {few(packages)}, {text} them"
 
 
-def _from_lender(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
-    """Find definitions in `lender`, or without one, in what is near and in the releases."""
+def _from_lender(wanted: Sequence[_Wanted], lender: Lender) -> Lent:
+    """Find definitions in `lender`, and those that it cannot have in what is near and in the releases."""
+    asked = [each for each in wanted if lender.is_of_px4 or lender.definitions_of(*each.names)]
+    found = _fitting(asked, lender)
+    others = _from_releases([each for each in wanted if each not in asked], lender.otherwise)
+    notes = _notes(asked, found, lender, "as asked for") if asked else []
+    return Lent({**found, **others.definitions}, (*notes, *others.notes))
+
+
+def _from_releases(wanted: Sequence[_Wanted], nearby: Nearby | None) -> Lent:
+    """Find definitions in what is near, or in the release that fits best."""
     if not wanted:
         return Lent({}, ())
-    if isinstance(lender, Lender):
-        asked = [each for each in wanted if lender.is_of_px4 or lender.definitions_of(*each.names)]
-        found = _fitting(asked, lender)
-        others = _from_lender([each for each in wanted if each not in asked], lender.otherwise)
-        notes = _notes(asked, found, lender, "as asked for") if asked else []
-        return Lent({**found, **others.definitions}, (*notes, *others.notes))
-    near = _near(lender)
+    package = nearby.find() if nearby is not None else None
+    near = [_of_package(package[0])._replace(name=package[1])] if package is not None else []
     chosen, found = None, {}
     best: tuple[int, ...] = (0,)
     for each in (*near, *_releases(wanted)):
@@ -216,16 +214,11 @@ def _from_lender(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> L
     return Lent(found, _notes(wanted, found, chosen, why))
 
 
-def _near(nearby: Nearby | None) -> list[Lender]:
-    found = nearby.find() if nearby is not None else None
-    return [_of_package(found[0])._replace(name=found[1])] if found is not None else []
-
-
 def _notes(wanted: Sequence[_Wanted], found: Mapping[tuple[int, int], str], lender: Lender, why: str) -> list[str]:
     notes = [f"{_topics(wanted)} in the recording; {len(found)} taken from {lender.name}, {why}"]
     unseen = [each for each in wanted if each.key in found and each.part is None]
     if unseen:
-        notes.append(f"not compared with samples: {_names(unseen)}")
+        notes.append(f"not compared with samples: {few([each.channel.topic for each in unseen])}")
     for each in wanted:
         if each.key not in found:
             name, ros_type = each.channel.topic, each.channel.ros_type
@@ -240,27 +233,20 @@ def _topics(wanted: Sequence[_Wanted]) -> str:
     return f"{text} as ros2msg" if any(each.channel.definition_format for each in wanted) else text
 
 
-def _names(wanted: Iterable[_Wanted]) -> str:
-    return few([each.channel.topic for each in wanted])
-
-
-def _with_samples(
-    sources: Sequence[Source], lacking: Mapping[tuple[int, int], Channel]
-) -> dict[tuple[int, int], tuple[Channel, Part | None]]:
-    """Return some samples of each channel, as far as the first samples of each file have them."""
-    found: dict[tuple[int, int], tuple[Channel, Part | None]] = {key: (each, None) for key, each in lacking.items()}
+def _with_samples(sources: Sequence[Source], lacking: Mapping[tuple[int, int], Channel]) -> list[_Wanted]:
+    """Return the channels with some samples of each, as far as the first samples of each file have them."""
+    found: dict[tuple[int, int], Part] = {}
     for number, source in enumerate(sources):
         missing = {channel for of, channel in lacking if of == number}
         count = 0
         for part in source.parts(missing) if missing else ():
-            key = number, part.channel
             if part.channel in missing and len(part.starts):
                 missing.remove(part.channel)
-                found[key] = lacking[key], _kept(part)
+                found[number, part.channel] = _kept(part)
             count += len(part.starts)
             if not missing or count > _LOOKED_AT:
                 break
-    return found
+    return [_Wanted(key, channel, found.get(key)) for key, channel in lacking.items()]
 
 
 def _kept(part: Part) -> Part:
@@ -339,22 +325,18 @@ def _of_catalog(source: str) -> Lender:
         catalog = read(source)
 
     def find(name: str, ros_type: str) -> list[str]:
-        return _definitions(catalog, name, ros_type)
+        package, _, message = ros_type.replace("/msg/", "/").partition("/")
+        current = catalog.messages.get(f"{package}/{message}")
+        if current is None:
+            return []
+        wanted = version_of(name)
+        versions = sorted(
+            catalog.versions(current), key=lambda each: (each.message_version != wanted, -each.message_version)
+        )
+        texts = [definition_of(catalog, each) for each in versions]
+        return [text for text in texts if _can_be_read(ros_type, text)]
 
     return Lender(source, find, frozenset(releases().get(source, ())))
-
-
-def _definitions(catalog: Catalog, name: str, ros_type: str) -> list[str]:
-    package, _, message = ros_type.replace("/msg/", "/").partition("/")
-    current = catalog.messages.get(f"{package}/{message}")
-    if current is None:
-        return []
-    wanted = version_of(name)
-    versions = sorted(
-        catalog.versions(current), key=lambda each: (each.message_version != wanted, -each.message_version)
-    )
-    texts = [definition_of(catalog, each) for each in versions]
-    return [text for text in texts if _can_be_read(ros_type, text)]
 
 
 def _can_be_read(ros_type: str, definition: str) -> bool:

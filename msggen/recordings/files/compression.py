@@ -5,9 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from typing import Any, BinaryIO, Protocol
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 from msggen.base.recording_formats import packing_of
+
+if TYPE_CHECKING:
+    from bz2 import BZ2Decompressor
+    from lzma import LZMADecompressor
+
+    Member: TypeAlias = BZ2Decompressor | LZMADecompressor
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """The first bytes of a frame of zstd."""
@@ -214,8 +220,17 @@ def _pieces(source: BinaryIO) -> Iterator[bytes]:
     packing = packing_of(front)
     if packing is None:
         raise ValueError("unknown compression")
-    make = _MEMBERS.get(packing.name)
-    return _pieces_of_zstd(source, front) if make is None else _pieces_of_members(source, make)
+    if packing.name == "zstd":
+        return _pieces_of_zstd(source, front)
+    return _pieces_of_gzip(source) if packing.name == "gzip" else _pieces_of_members(source, _MEMBERS[packing.name])
+
+
+def _pieces_of_gzip(source: BinaryIO) -> Iterator[bytes]:
+    import gzip
+
+    reader = gzip.GzipFile(fileobj=source)
+    while data := reader.read1(_FILE_STEP):
+        yield data
 
 
 def _pieces_of_zstd(source: BinaryIO, front: bytes) -> Iterator[bytes]:
@@ -231,7 +246,7 @@ def _pieces_of_zstd(source: BinaryIO, front: bytes) -> Iterator[bytes]:
         raise EOFError(f"expected {promised} bytes, got {written}")
 
 
-def _pieces_of_members(source: BinaryIO, make: Callable[[], _Member]) -> Iterator[bytes]:
+def _pieces_of_members(source: BinaryIO, make: Callable[[], Member]) -> Iterator[bytes]:
     """Yield the content of members behind each other, with zeros between them, as tools that work in parallel write."""
     member, data = make(), b""
     while True:
@@ -253,50 +268,20 @@ def _pieces_of_members(source: BinaryIO, make: Callable[[], _Member]) -> Iterato
                 raise EOFError("the compressed content has no end")
 
 
-class _Member(Protocol):
-    """What decompresses a member piece by piece, as `lzma.LZMADecompressor` does."""
-
-    @property
-    def eof(self) -> bool: ...
-    @property
-    def unused_data(self) -> bytes: ...
-    def decompress(self, data: bytes, max_length: int, /) -> bytes: ...
-
-
-class _Gzip:
-    """A member of gzip."""
-
-    def __init__(self) -> None:
-        import zlib
-
-        self._inner = zlib.decompressobj(wbits=31)
-
-    @property
-    def eof(self) -> bool:
-        return self._inner.eof
-
-    @property
-    def unused_data(self) -> bytes:
-        return self._inner.unused_data
-
-    def decompress(self, data: bytes, max_length: int, /) -> bytes:
-        return self._inner.decompress(self._inner.unconsumed_tail + data, max_length)
-
-
-def _bzip2() -> _Member:
+def _bzip2() -> Member:
     import bz2
 
     return bz2.BZ2Decompressor()
 
 
-def _xz() -> _Member:
+def _xz() -> Member:
     import lzma
 
     return lzma.LZMADecompressor(lzma.FORMAT_XZ, _LARGEST_DICTIONARY)
 
 
-_MEMBERS: Mapping[str, Callable[[], _Member]] = {"gzip": _Gzip, "xz": _xz, "bzip2": _bzip2}
-"""What decompresses files other than those of zstd, by the name of their packing."""
+_MEMBERS: Mapping[str, Callable[[], Member]] = {"xz": _xz, "bzip2": _bzip2}
+"""What decompresses members piece by piece, by the name of the packing."""
 
 
 # samples of rosbag2

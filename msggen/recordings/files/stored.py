@@ -22,7 +22,8 @@ from msggen.recordings.files.paths import LOGS, METADATA, is_bag
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
 from msggen.recordings.stores.errors import MissingError, NoObjectError, StoreError, store_error
-from msggen.recordings.stores.store import Store, Stored
+from msggen.recordings.stores.server import Stored
+from msggen.recordings.stores.store import Store
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

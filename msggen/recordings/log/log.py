@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.decode.decoder import Rows
     from msggen.recordings.definitions.comparison import Compared
-    from msggen.recordings.definitions.lent import Lender, Nearby
+    from msggen.recordings.definitions.lent import Lender
     from msggen.recordings.definitions.release import Release
     from msggen.recordings.log.ahead import Ahead
     from msggen.recordings.log.align import Aligned, Direction
@@ -69,7 +69,7 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | None = None, path: str = "") -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
 
     def __enter__(self) -> Self:
@@ -433,12 +433,22 @@ class Log:
         These are the checksums of chunks, attachments, data section and summary. `problems` has what differs. Reading
         compares only what it reads.
         """
-        return self._reader.verify()
+        self._reader.check_open()
+        found = [source.verify() for source in self._reader.sources]
+        return Checksums(sum(each.compared for each in found), sum(each.missing for each in found))
 
     @property
     def contents(self) -> Contents | None:
         """The numbers of chunks, attachments and metadata records in MCAP files, None for other formats."""
-        return self._reader.contents
+        found = [each for each in (source.contents for source in self._reader.sources) if each is not None]
+        if not found:
+            return None
+        return Contents(
+            sum(each.chunks for each in found),
+            tuple(sorted({kind for each in found for kind in each.compressions})),
+            sum(each.attachments for each in found),
+            sum(each.metadata for each in found),
+        )
 
     @property
     def missing_checksums(self) -> int | None:
@@ -446,11 +456,14 @@ class Log:
 
         rosbag2 writes none by default. Values that were changed by damage cannot be found without them.
         """
-        return self._reader.missing_checksums
+        found = [each for each in (source.missing_checksums for source in self._reader.sources) if each is not None]
+        return sum(found) if found else None
 
     def attached(self) -> Iterator[Attached]:
-        """Return the attachments and the metadata records of MCAP files."""
-        return self._reader.attached()
+        """Yield the attachments and the metadata records of MCAP files."""
+        for source in self._reader.sources:
+            self._reader.check_open()
+            yield from source.attached()
 
     def align(  # noqa: PLR0913 - most have defaults
         self,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.base.recording_formats import FORMATS
-from msggen.messages.gps import HAS_FIX
+from msggen.messages.earth import HAS_FIX
 from msggen.recordings.columns.ordered import median
 
 if TYPE_CHECKING:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import deque
-from heapq import heapify, heappop, heappush, heapreplace
+from heapq import heapify, heapreplace, merge
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -32,32 +31,26 @@ class Sample(NamedTuple):
     """CDR with its header."""
 
 
-def merged(streams: Iterable[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
-    """Yield the samples of several streams by time. Each stream comes with a time before which it has no sample.
+def merged(streams: Sequence[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
+    """Return the samples of several streams by time. Each stream comes with a time before which it has no sample.
 
     It is begun when this time is reached, since each stream that was begun has samples in memory. Samples of one time
     are in the order of the streams.
     """
-    coming = deque(sorted((first, number, stream) for number, (first, stream) in enumerate(streams)))
-    found: list[tuple[int, int, Sample, Iterator[Sample]]] = []
-    sample: Sample | None
-    while coming or found:
-        if coming and not (found and found[0][0] < coming[0][0]):
-            _, number, stream = coming.popleft()
-            sample = next(stream, None)
-            if sample is not None:
-                heappush(found, (sample.time, number, sample, stream))
-            continue
-        _, number, sample, stream = found[0]
-        yield sample
-        if len(found) == 1 and not coming:
-            yield from stream  # as fast as the stream alone
-            return
-        sample = next(stream, None)
-        if sample is None:
-            heappop(found)
-        else:
-            heapreplace(found, (sample.time, number, sample, stream))
+    if len(streams) == 1:  # as fast as the stream alone
+        return streams[0][1]
+    merged = merge(*(_from(*each) for each in streams), key=lambda each: (each.time, type(each) is Sample))
+    return (sample for sample in merged if type(sample) is Sample)
+
+
+class _Begin(Sample):
+    """The time before which a stream has no sample."""
+
+
+def _from(first: int, stream: Iterator[Sample]) -> Iterator[Sample]:
+    """Yield where a stream begins, and its samples: `merge` takes the first of them when it has come to that time."""
+    yield _Begin("", first, b"")
+    yield from stream
 
 
 class Encoder(NamedTuple):

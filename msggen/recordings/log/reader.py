@@ -14,10 +14,7 @@ from msggen.recordings.decode.left_out import LeftOut
 from msggen.recordings.log.origin import firmware_of
 from msggen.recordings.source.facts import NO_FACTS, Facts
 from msggen.recordings.source.source import (
-    Attached,
     Channel,
-    Checksums,
-    Contents,
     Part,
     Problem,
     RecordingError,
@@ -32,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.decode.decoder import Decoded, Rows
-    from msggen.recordings.definitions.lent import Lender, Lent, Nearby
+    from msggen.recordings.definitions.lent import Lender, Lent
     from msggen.recordings.log.payloads import Encoder, Sample
     from msggen.recordings.topics.find import Topics
     from msggen.recordings.topics.topic import Topic
@@ -81,7 +78,7 @@ class _Files:
 class Reader:
     """The files of a recording, whose path is `path`."""
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None, path: str) -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | None, path: str) -> None:
         self.sources = sources
         self.path = path
         self._files = _Files(sources, path)
@@ -132,9 +129,9 @@ class Reader:
     @cached_property
     def lent(self) -> Lent:
         """The definitions of channels that have none."""
-        from msggen.recordings.definitions.lent import lend
+        from msggen.recordings.definitions.lent import NOBODY, lend
 
-        return lend(self.sources, self._lender, self.check_open)
+        return lend(self.sources, self._lender or NOBODY, self.check_open)
 
     @property
     def notes(self) -> Sequence[str]:
@@ -155,25 +152,6 @@ class Reader:
     def end(self) -> int:
         """The log time of the last sample in ns, 0 without samples."""
         return max((source.span[1] for source in self.sources if source.span), default=0)
-
-    @property
-    def contents(self) -> Contents | None:
-        """What MCAP files are made of, None for other formats."""
-        found = [each for each in (source.contents for source in self.sources) if each is not None]
-        if not found:
-            return None
-        return Contents(
-            sum(each.chunks for each in found),
-            tuple(sorted({kind for each in found for kind in each.compressions})),
-            sum(each.attachments for each in found),
-            sum(each.metadata for each in found),
-        )
-
-    @property
-    def missing_checksums(self) -> int | None:
-        """How many chunks have no checksum, None if the format has no checksums."""
-        found = [each for each in (source.missing_checksums for source in self.sources) if each is not None]
-        return sum(found) if found else None
 
     @property
     def problems(self) -> list[Problem]:
@@ -268,18 +246,6 @@ class Reader:
     def can_decode(self, topic: Topic) -> bool:
         """Whether a topic has samples that can be decoded."""
         return isinstance(self._tried(*topic.channels[0]), Decoder)
-
-    def verify(self) -> Checksums:
-        """Compare the chunks of the files with their checksums, and return how many have one."""
-        self.check_open()
-        found = [source.verify() for source in self.sources]
-        return Checksums(sum(each.compared for each in found), sum(each.missing for each in found))
-
-    def attached(self) -> Iterator[Attached]:
-        """Yield the attachments and the metadata records of the files."""
-        for source in self.sources:
-            self.check_open()
-            yield from source.attached()
 
     # files
 

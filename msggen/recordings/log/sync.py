@@ -107,10 +107,6 @@ def _shared(first: Log, second: Log) -> list[tuple[Topic, Topic]]:
     return sorted(pairs, key=lambda pair: (-min(each.count for each in pair), pair[0].label))
 
 
-def _by_samples(first: Samples, second: Samples) -> Offset | None:
-    return _agreed(_deltas(first, second), first.topic.label)
-
-
 def _deltas(first: Samples, second: Samples) -> Times:
     """Return the differences of the log times of samples whose values occur exactly once in each recording."""
     names = _compared(first) & _compared(second)
@@ -147,9 +143,9 @@ def _keys(samples: Samples, names: list[str]) -> NDArray[np.uint64]:
     return keys
 
 
-def _agreed(deltas: Times, topic: str) -> Offset | None:
+def _by_samples(first: Samples, second: Samples) -> Offset | None:
     """Return the offset on which the most samples agree, None if too few do."""
-    ordered = np.sort(deltas)
+    ordered = np.sort(_deltas(first, second))
     behind = np.searchsorted(ordered, ordered + _NEAR, side="right")
     if not len(ordered):
         return None
@@ -161,7 +157,7 @@ def _agreed(deltas: Times, topic: str) -> Offset | None:
     middle = int(agreeing[len(agreeing) // 2])
     distances = np.sort(np.abs(agreeing - middle))
     error = int(distances[min(int(_WITHIN * len(distances)), len(distances) - 1)])
-    return Offset(middle, error, topic, len(agreeing), len(ordered))
+    return Offset(middle, error, first.topic.label, len(agreeing), len(ordered))
 
 
 # signals

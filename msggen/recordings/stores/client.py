@@ -14,6 +14,8 @@ from msggen.recordings.stores.errors import store_error
 from msggen.recordings.stores.server import Server
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obstore.store import BackoffConfig, ClientConfig, ObjectStore, RetryConfig, S3Credential
 
 _LIFE = timedelta(minutes=10)
@@ -79,7 +81,7 @@ def _s3(place: str, address: str) -> ObjectStore:
         if os.environ.get("AWS_SKIP_SIGNATURE", "").lower() in ("1", "true"):
             found["skip_signature"] = True
         else:
-            found["credential_provider"] = _Credentials(session.get_credentials(), address)
+            found["credential_provider"] = _provider(session.get_credentials(), address)
     except BotoCoreError as error:
         raise store_error(address, str(error).rstrip(".")) from None
     if endpoint:
@@ -112,21 +114,19 @@ def _endpoint(session: Any) -> str:
     return str(provider.provide() or "")
 
 
-class _Credentials:
-    """Credentials of botocore: of the environment, a profile, SSO, a role, or the machine."""
+def _provider(credentials: Any, address: str) -> Callable[[], S3Credential]:
+    """Return what gives the credentials of botocore: of the environment, a profile, SSO, a role, or the machine."""
 
-    def __init__(self, credentials: Any, address: str) -> None:
-        if credentials is None:
-            raise store_error(address, _NO_CREDENTIALS)
-        self._credentials = credentials
-        self()  # errors have their own texts here
-
-    def __call__(self) -> S3Credential:
-        """Return the credentials of the next minutes."""
-        found = self._credentials.get_frozen_credentials()
+    def provide() -> S3Credential:
+        found = credentials.get_frozen_credentials()
         return {
             "access_key_id": found.access_key,
             "secret_access_key": found.secret_key,
             "token": found.token,
             "expires_at": datetime.now(timezone.utc) + _LIFE,
         }
+
+    if credentials is None:
+        raise store_error(address, _NO_CREDENTIALS)
+    provide()  # errors have their own texts here
+    return provide

@@ -14,6 +14,8 @@ from urllib.parse import unquote, urlsplit
 from urllib.request import getproxies, proxy_bypass
 from weakref import finalize
 
+from msggen.recordings.stores.errors import UNREACHABLE
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from http.client import HTTPResponse
@@ -22,10 +24,11 @@ if TYPE_CHECKING:
     from msggen.recordings.stores.limits import Limits
 
 _PORTS = {"http": 80, "https": 443}
+_OF_PROXY = "Proxy-Authorization"
 
 
-class UnreachableError(Exception):
-    """A server that takes no connection, with the reason of the system."""
+class FailedError(Exception):
+    """A request that failed, with its reason. Another try can succeed."""
 
 
 class Origin(NamedTuple):
@@ -56,12 +59,12 @@ def origin_of(url: SplitResult) -> Origin:
     return Origin(url.scheme, url.hostname, url.port or _PORTS[url.scheme])
 
 
-def authorization(url: SplitResult) -> str:
-    """Return what tells a server or a proxy the user and the password of its address, "" if there is none."""
+def authorization(header: str, url: SplitResult) -> dict[str, str]:
+    """Return the header that tells a server or a proxy the user and the password of its address, if there is one."""
     if url.username is None:
-        return ""
+        return {}
     text = f"{unquote(url.username)}:{unquote(url.password or '')}"
-    return f"Basic {b64encode(text.encode()).decode()}"
+    return {header: f"Basic {b64encode(text.encode()).decode()}"}
 
 
 class Connections:
@@ -73,10 +76,10 @@ class Connections:
         finalize(self, _close, self._idle)
 
     @contextmanager
-    def answer(self, origin: Origin, method: str, target: str, headers: Mapping[str, str]) -> Iterator[HTTPResponse]:
+    def answer(self, origin: Origin, target: str, headers: Mapping[str, str]) -> Iterator[HTTPResponse]:
         """Yield the answer to a request, whose body the block reads.
 
-        Raises UnreachableError, TimeoutError, HTTPException, and OSError if the connection breaks off.
+        Raises FailedError without a connection, TimeoutError, HTTPException, and OSError if the connection breaks off.
         """
         idle = self._idle.setdefault(origin, [])
         try:
@@ -85,11 +88,10 @@ class Connections:
             connection = _connected(origin, self._limits)
         proxy = _proxy(origin)
         if proxy and origin.scheme == "http":
-            target, told = f"http://{origin.place}{target}", authorization(proxy)
-            headers = {**headers, **({"Proxy-Authorization": told} if told else {})}
+            target, headers = f"http://{origin.place}{target}", {**headers, **authorization(_OF_PROXY, proxy)}
         try:
             with _ending(connection.sock, self._limits.total):
-                connection.request(method, target, headers=headers)
+                connection.request("GET", target, headers=headers)
                 response = connection.getresponse()
                 with response:
                     yield response
@@ -114,19 +116,19 @@ def _connected(origin: Origin, limits: Limits) -> HTTPConnection:
         else:
             connection = HTTPSConnection(host or "", port, timeout=limits.connect, context=_context())
             if proxy:
-                told = authorization(proxy)
-                connection.set_tunnel(*origin[1:], headers={"Proxy-Authorization": told} if told else {})
+                connection.set_tunnel(*origin[1:], headers=authorization(_OF_PROXY, proxy))
         connection.connect()
     except TimeoutError:
         raise
     except (OSError, UnicodeError) as error:  # a label of a host can be too long
-        raise UnreachableError(str(getattr(error, "strerror", "") or error)) from None
+        reason = str(getattr(error, "strerror", "") or error)
+        raise FailedError(f"{UNREACHABLE}: {reason}".rstrip(": .")) from None
     connection.sock.settimeout(limits.read)
     return connection
 
 
 def _proxy(origin: Origin) -> SplitResult | None:
-    """Return the address of the proxy for a server, None if it is asked itself. Raises UnreachableError."""
+    """Return the address of the proxy for a server, None if it is asked itself. Raises FailedError."""
     text = getproxies().get(origin.scheme)
     if not text or proxy_bypass(origin.place):
         return None
@@ -134,7 +136,7 @@ def _proxy(origin: Origin) -> SplitResult | None:
         found = urlsplit(text if "://" in text else f"http://{text}")
         if origin_of(found).scheme == "http":
             return found
-    raise UnreachableError(f"expected http://HOST:PORT in {origin.scheme}_proxy")
+    raise FailedError(f"{UNREACHABLE}: expected http://HOST:PORT in {origin.scheme}_proxy")
 
 
 @cache

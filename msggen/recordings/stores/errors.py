@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import re
+from http import HTTPStatus
 from typing import TYPE_CHECKING
 
 from msggen.base.disk.urls import shown_address
@@ -49,104 +50,73 @@ class RangeError(StoreError):
     """A range behind the end of an object, as each range of an empty one is."""
 
 
+BROKEN = "the connection broke off before the end of the answer"
+SILENT = "the server does not answer in time"
+REDIRECTS = "the server redirects without end, or to what is no address"
+NO_RANGES = "the server does not send parts of files (HTTP Range): copy the file to this computer first"
+UNREACHABLE = "no connection to the server"
+_SAID = {
+    "Range request not supported|non-partial response": NO_RANGES,
+    "error following redirect": REDIRECTS,
+    "redirect without LOCATION": "301",
+    "precondition failure": "412",
+    r"status code: (\d{3})": r"\1",
+    "kind: Timeout": SILENT,
+    r'(?s)kind: Connect.*message: "([^"]{1,200})"': rf"{UNREACHABLE}: \1",
+    r'(?s)kind: Connect.*error: "([^"]{1,200})"': rf"{UNREACHABLE}: \1",
+    "kind: Connect": UNREACHABLE,
+    "kind: Interrupted|kind: Decode|error sending request": BROKEN,
+    r"\A(?:Generic \w+ error: )?(.+)": r"\1",
+}
+"""What errors of obstore mean: the status of an answer, or a text. The first expression that is found tells it."""
+_RETRIES = re.compile(r"after (\d+) retries")
+_CODE = re.compile(r"<Code>(\w{1,60})</Code>")
+"""The code of an error in the answer of a store."""
+_REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
+_REFUSED = {401: "unauthorized", 403: "forbidden"}
+
+
 def store_error(address: str, reason: str) -> StoreError:
     """Return an error about an address."""
-    return StoreError(errno.EIO, reason, shown_address(address))
+    return StoreError(errno.EIO, reason, address)
 
 
 def changed_error(address: str) -> ChangedError:
     """Return the error about an object that was replaced in the meantime."""
-    return ChangedError(errno.ESTALE, "the object changed while it was open: open it again", shown_address(address))
+    return ChangedError(errno.ESTALE, "the object changed while it was open: open it again", address)
 
 
 def translated(error: Exception, address: str) -> StoreError:
     """Return the error for what obstore raised."""
     text = str(error)
-    status = 301 if "redirect without LOCATION" in text else _status(text)
-    if isinstance(error, FileNotFoundError):
-        status = _NOT_FOUND
-    elif "precondition failure" in text:
-        status = _PRECONDITION
-    said = next((reason for part, reason in _SAID.items() if part in text), "")
-    if not status or said:
-        return store_error(address, said or _reason(text))
-    found = _RETRIES.search(text)
-    return answer_error(status, text, address, int(found[1]) + 1 if found else 1)
+    each = (found.expand(said) for expression, said in _SAID.items() if (found := re.search(expression, text)))
+    said = "404" if isinstance(error, FileNotFoundError) else next(each, "").rstrip(".: ")
+    if said.isdecimal():
+        return answer_error(int(said), text, address, 1 + int(_found(_RETRIES, text) or 0))
+    return store_error(address, said or "the store failed")
 
 
 def answer_error(status: int, text: str, address: str, tries: int) -> StoreError:
     """Return the error for the status of an answer, after so many tries. `text` has what the server says of it."""
-    shown, code = shown_address(address), _code(text)
+    code, region = _found(_CODE, text), _found(_REGION, text)
+    told = f"{status} {code}".rstrip()
     if code == "NoSuchBucket":
-        return MissingError(errno.ENOENT, "there is no such bucket", shown)
-    if status == _NOT_FOUND and code != "NoSuchUpload":  # that of parts which are being written
-        return NoObjectError(errno.ENOENT, "there is no such object", shown)
-    if status == _UNSATISFIABLE:
-        return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
-    if status == _PRECONDITION:
+        return MissingError(errno.ENOENT, "there is no such bucket", address)
+    if status == HTTPStatus.NOT_FOUND and code != "NoSuchUpload":  # that of parts which are being written
+        return NoObjectError(errno.ENOENT, "there is no such object", address)
+    if status == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+        return RangeError(errno.EINVAL, "the range is behind the end of the object", address)
+    if status == HTTPStatus.PRECONDITION_FAILED:
         return changed_error(address)
-    number = errno.EACCES if status in _REFUSED else errno.EIO
-    return StoreError(number, _answered(status, text, tries), shown)
+    if region or status in (HTTPStatus.MOVED_PERMANENTLY, HTTPStatus.TEMPORARY_REDIRECT):
+        reason = f"the bucket is in another region ({told}): set AWS_REGION{f'={region}' if region else ''}"
+    elif status in _REFUSED:
+        reason = f"access is {_REFUSED[status]} ({told}): these credentials may not do this"
+    else:
+        reason = f"the server answers with an error ({told})" + (f", {tries} times" if tries > 1 else "")
+    return StoreError(errno.EACCES if status in _REFUSED else errno.EIO, reason, address)
 
 
-def unreachable(reason: str) -> str:
-    """Return what is told of a server that takes no connection, with what the system says."""
-    return "no connection to the server" + (f": {reason.rstrip('.')}" if reason else "")
-
-
-_NOT_FOUND = 404
-_PRECONDITION = 412
-_UNSATISFIABLE = 416
-_REFUSED = {401: "unauthorized", 403: "forbidden"}
-_STATUS = re.compile(r"status code: (\d{3})")
-_CODE = re.compile(r"<Code>(\w{1,60})</Code>")
-"""The code of an error in the answer of a store."""
-_REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
-_SYSTEM = re.compile(r'message: "([^"]{1,200})"')
-"""What the system says of a connection."""
-_ENDED = ("kind: Interrupted", "kind: Decode", "error sending request")
-BROKEN = "the connection broke off before the end of the answer"
-SILENT = "the server does not answer in time"
-REDIRECTS = "the server redirects without end, or to what is no address"
-NO_RANGES = "the server does not send parts of files (HTTP Range): copy the file to this computer first"
-_SAID = {
-    "Range request not supported": NO_RANGES,
-    "non-partial response": NO_RANGES,
-    "error following redirect": REDIRECTS,
-}
-"""What parts of an error of obstore mean, whatever else is in it."""
-_RETRIES = re.compile(r"after (\d+) retries")
-
-
-def _status(text: str) -> int:
-    """Return the status of HTTP that a server answered with, 0 if it did not answer."""
-    found = _STATUS.search(text)
-    return int(found[1]) if found else 0
-
-
-def _code(text: str) -> str:
-    found = _CODE.search(text)
+def _found(expression: re.Pattern[str], text: str) -> str:
+    found = expression.search(text)
     return found[1] if found else ""
-
-
-def _reason(text: str) -> str:
-    """Return what is wrong in a line, if no server answered."""
-    if "kind: Timeout" in text:
-        return SILENT
-    if "kind: Connect" in text:
-        found = _SYSTEM.search(text) or re.search(r'error: "([^"]{1,200})"', text)
-        return unreachable(found[1] if found else "")
-    if any(each in text for each in _ENDED):
-        return BROKEN
-    return re.sub(r"^Generic \w+ error: ", "", text.partition("\n")[0]).rstrip(".: ") or "the store failed"
-
-
-def _answered(status: int, text: str, tries: int) -> str:
-    code = _code(text)
-    told = f"{status} {code}" if code else str(status)
-    region = _REGION.search(text)
-    if region or status in (301, 307):
-        return f"the bucket is in another region ({told}): set AWS_REGION{f'={region[1]}' if region else ''}"
-    if status in _REFUSED:
-        return f"access is {_REFUSED[status]} ({told}): these credentials may not do this"
-    return f"the server answers with an error ({told})" + (f", {tries} times" if tries > 1 else "")

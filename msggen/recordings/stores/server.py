@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from email.utils import parsedate_to_datetime
+from http import HTTPStatus
 from http.client import HTTPException, IncompleteRead
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote, urljoin, urlsplit
 
 from msggen.base.version import __version__
-from msggen.recordings.stores.connections import Connections, UnreachableError, authorization, origin_of
+from msggen.recordings.stores.connections import Connections, FailedError, authorization, origin_of
 from msggen.recordings.stores.errors import (
     BROKEN,
     NO_RANGES,
@@ -22,7 +23,6 @@ from msggen.recordings.stores.errors import (
     StoreError,
     answer_error,
     store_error,
-    unreachable,
 )
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from msggen.recordings.stores.limits import Limits
 
-_OK, _PARTIAL = 200, 206
 _MOVED = (301, 302, 303, 307, 308)
 _PASSING = (408, 429, *range(500, 600))
 """The errors after which a request is tried again."""
@@ -45,25 +44,31 @@ _LONGEST = 1000
 _SAFE = "/%:@!$&'()*+,;=~?[]"
 """The characters of an address, besides letters and digits, that are sent as they are."""
 _RANGE = re.compile(r"bytes ([0-9]{1,19})-([0-9]{1,19})/([0-9]{1,19})")
-_LENGTH = re.compile("[0-9]{1,19}")
 
 
-class Meta(NamedTuple):
-    """What a server tells of a file: its size in bytes, its version (ETag), and when it was modified."""
+class Stored(NamedTuple):
+    """An object of a store, or a file of a server, as it was when it was looked at."""
 
+    address: str
     size: int
-    tag: str | None
-    modified: datetime | None
+    """In bytes."""
+    tag: str | None = None
+    """Its version (ETag), None if the server does not tell one."""
+    modified: datetime | None = None
+
+    def is_same(self, other: Stored) -> bool:
+        """Whether an object that was looked at again has not changed, as far as the server tells."""
+        own, found = (self.tag, other.tag) if self.tag and other.tag else (self.modified, other.modified)
+        return self.size == other.size and own == found
 
 
 class _Question(NamedTuple):
-    """A request for the bytes from `start` to before `stop` of a file, or for none."""
+    """A request for the bytes from `start` to before `stop` of a file."""
 
     address: str
-    method: str
     headers: dict[str, str]
-    start: int = 0
-    stop: int = 0
+    start: int
+    stop: int
 
 
 class _Answer(NamedTuple):
@@ -71,12 +76,8 @@ class _Answer(NamedTuple):
 
     status: int
     location: str
-    meta: Meta
+    stored: Stored
     content: bytes
-
-
-class _FailedError(Exception):
-    """A try that failed, with its reason. Another one can succeed."""
 
 
 class Server:
@@ -86,31 +87,27 @@ class Server:
         self._limits = limits
         self._connections = Connections(limits)
 
-    def get(self, address: str, start: int, stop: int, tag: str | None) -> tuple[Meta, bytes]:
-        """Return a range of a file, as far as the file goes. Raises ChangedError if it is not of the version `tag`."""
-        headers = {"Range": f"bytes={start}-{stop - 1}", **({"If-Match": tag} if tag else {})}
-        answer = self._ask(_Question(address, "GET", headers, start, stop))
-        return answer.meta, answer.content
+    def get(self, address: str, start: int, stop: int, tag: str | None) -> tuple[Stored, bytes]:
+        """Return a range of a file, as far as the file goes. Raises ChangedError if it is not of the version `tag`.
 
-    def head(self, address: str) -> Meta:
-        """Return what the server tells of a file."""
-        return self._ask(_Question(address, "HEAD", {})).meta
-
-    def _ask(self, question: _Question) -> _Answer:
-        """Return the answer to a request, also if the server redirects it."""
-        url = urlsplit(question.address)
-        question.headers["User-Agent"] = f"msggen/{__version__}"
-        if url.username is not None:
-            question.headers["Authorization"] = authorization(url)
+        A redirect is followed on the same host.
+        """
+        url = urlsplit(address)
+        headers = {"User-Agent": f"msggen/{__version__}", "Range": f"bytes={start}-{stop - 1}"}
+        headers |= authorization("Authorization", url) | ({"If-Match": tag} if tag else {})
         end = monotonic() + self._limits.total
         for _ in range(_REDIRECTS + 1):
-            answer, tries = self._repeat(question, url)
+            answer, tries = self._repeat(_Question(address, headers, start, stop), url)
+            if answer.status == HTTPStatus.PARTIAL_CONTENT:
+                return answer.stored, answer.content
+            if answer.status == HTTPStatus.OK:
+                raise store_error(address, NO_RANGES)
             if answer.status not in _MOVED:
-                return _checked(question, answer, tries)
-            url = _redirected(question.address, url, answer.location)
+                raise answer_error(answer.status, answer.content.decode(errors="replace"), address, tries)
+            url = _redirected(address, url, answer.location)
             if monotonic() > end:
-                raise store_error(question.address, SILENT)
-        raise store_error(question.address, REDIRECTS)
+                raise store_error(address, SILENT)
+        raise store_error(address, REDIRECTS)
 
     def _repeat(self, question: _Question, url: SplitResult) -> tuple[_Answer, int]:
         """Return the answer to a request, which is sent again if it fails, and how often it was sent."""
@@ -120,7 +117,7 @@ class Server:
             is_last = tries > self._limits.retries or monotonic() > end
             try:
                 answer = self._send(question, url)
-            except _FailedError as error:
+            except FailedError as error:
                 if is_last:
                     raise store_error(question.address, str(error)) from None
             else:
@@ -129,28 +126,25 @@ class Server:
             sleep(self._limits.backoff * 2 ** (tries - 1))
 
     def _send(self, question: _Question, url: SplitResult) -> _Answer:
-        """Send a request once. Raises _FailedError if it can be sent again."""
+        """Send a request once. Raises FailedError if it can be sent again."""
         target = quote(f"{url.path or '/'}?{url.query}" if url.query else url.path or "/", _SAFE)
         try:
-            with self._connections.answer(origin_of(url), question.method, target, question.headers) as response:
+            with self._connections.answer(origin_of(url), target, question.headers) as response:
                 return _read(question, response)
         except StoreError:
             raise
-        except UnreachableError as error:
-            raise _FailedError(unreachable(str(error))) from None
         except TimeoutError:
-            raise _FailedError(SILENT) from None
+            raise FailedError(SILENT) from None
         except (IncompleteRead, OSError):
-            raise _FailedError(BROKEN) from None
+            raise FailedError(BROKEN) from None
         except HTTPException:
             raise store_error(question.address, "what the server answers is not HTTP") from None
 
 
 def _read(question: _Question, response: HTTPResponse) -> _Answer:
     """Return an answer with no more bytes than were asked for. Raises IncompleteRead if it has fewer."""
-    status, length = response.status, response.getheader("Content-Length", "")
-    tag, modified = _version(response)
-    if (question.method, status) == ("GET", _PARTIAL):
+    size = 0
+    if response.status == HTTPStatus.PARTIAL_CONTENT:
         size, count = _span(question, response.getheader("Content-Range", ""))
         content = response.read(count + 1)
         if len(content) > count:
@@ -158,9 +152,9 @@ def _read(question: _Question, response: HTTPResponse) -> _Answer:
         if len(content) < count:
             raise IncompleteRead(content)
     else:
-        size = int(length) if _LENGTH.fullmatch(length) else 0
-        content = b"" if status == _OK else response.read(_LARGEST_ERROR)
-    return _Answer(status, response.getheader("Location", ""), Meta(size, tag, modified), content)
+        content = b"" if response.status == HTTPStatus.OK else response.read(_LARGEST_ERROR)
+    stored = Stored(question.address, size, *_version(response))
+    return _Answer(response.status, response.getheader("Location", ""), stored, content)
 
 
 def _span(question: _Question, text: str) -> tuple[int, int]:
@@ -182,22 +176,13 @@ def _version(response: HTTPResponse) -> tuple[str | None, datetime | None]:
     return (tag if tag.isprintable() and len(tag) <= _LONGEST else "") or None, modified
 
 
-def _checked(question: _Question, answer: _Answer, tries: int) -> _Answer:
-    """Return the answer to a request that was successful, or raise the error."""
-    if answer.status == (_OK if question.method == "HEAD" else _PARTIAL):
-        return answer
-    if answer.status == _OK:
-        raise store_error(question.address, NO_RANGES)
-    raise answer_error(answer.status, answer.content.decode(errors="replace"), question.address, tries)
-
-
 def _redirected(address: str, url: SplitResult, location: str) -> SplitResult:
     """Return where a server redirects to. Raises StoreError if it is another server, or no address of one."""
     try:
         found = urlsplit(urljoin(url.geturl(), location))
         origin = origin_of(found)
     except ValueError:
-        raise store_error(address, REDIRECTS) from None
+        location = ""
     if not location:
         raise store_error(address, REDIRECTS)
     if not origin_of(url).leads_to(origin):

@@ -9,11 +9,11 @@ import errno
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from datetime import datetime
 from functools import partial
-from queue import Empty, SimpleQueue
-from threading import Event, Semaphore, Thread
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
+from itertools import islice
+from queue import SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 from msggen.base.disk.urls import scheme_of, shown_address
 from msggen.recordings.stores.client import client_for, split
@@ -26,12 +26,12 @@ from msggen.recordings.stores.errors import (
     store_error,
     translated,
 )
-from msggen.recordings.stores.server import Server
+from msggen.recordings.stores.server import Server, Stored
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from obstore import GetOptions, ObjectMeta, PutResult, UpdateVersion
+    from obstore import GetOptions, ObjectMeta, PutMode, PutResult, UpdateVersion
     from obstore.store import ObjectStore
 
 _REQUESTS = 8
@@ -42,21 +42,6 @@ _ATOMIC = 64 << 20
 """The most bytes that are put in one request, which the store refuses if there is such an object."""
 _PARTS = 4
 """The parts of a larger object that are sent at a time."""
-
-
-class Stored(NamedTuple):
-    """An object of a store, as it was when it was looked at."""
-
-    address: str
-    size: int
-    tag: str | None = None
-    """Its version (ETag), None if the server does not tell one."""
-    modified: datetime | None = None
-
-    def is_same(self, other: Stored) -> bool:
-        """Whether an object that was looked at again has not changed, as far as the server tells."""
-        own, found = (self.tag, other.tag) if self.tag and other.tag else (self.modified, other.modified)
-        return self.size == other.size and own == found
 
 
 class Content(NamedTuple):
@@ -82,7 +67,7 @@ class Store:
         try:
             return result_of(lambda: self._get(address, 0, size))
         except RangeError:  # an empty object has no range
-            return result_of(lambda: self._head(address)), b""
+            return Stored(address, 0), b""
 
     def read(self, stored: Stored, start: int, stop: int) -> bytes:
         """Return a range of an object. Raises StoreError if it is another object by now."""
@@ -98,8 +83,7 @@ class Store:
         """Return an object and a range of it, as far as it goes. Raises ChangedError if its version is another one."""
         key = self._key(address)
         if isinstance(self._opened, Server):
-            meta, data = self._opened.get(address, start, stop, tag)
-            return Stored(address, *meta), data
+            return self._opened.get(address, start, stop, tag)
         import obstore
 
         with _translating(address):
@@ -109,36 +93,32 @@ class Store:
             found = obstore.get(self._client, key, options=options)
             return _stored(address, found.meta), bytes(found.bytes())
 
-    def _head(self, address: str) -> Stored:
-        key = self._key(address)
-        if isinstance(self._opened, Server):
-            return Stored(address, *self._opened.head(address))
-        import obstore
-
-        with _translating(address):
-            return _stored(address, obstore.head(self._client, key))
-
     def read_all(self, stored: Stored, ranges: Iterable[tuple[int, int]]) -> Iterator[tuple[int, bytes]]:
         """Yield the pieces of ranges, each with the offset at which it begins, in the order in which they arrive."""
         pieces = [(begin, min(begin + _PIECE, stop)) for start, stop in ranges for begin in range(start, stop, _PIECE)]
         yield from results_of(lambda piece: (piece[0], self.read(stored, *piece)), pieces, _REQUESTS)
 
-    def put(self, path: str, address: str) -> None:
-        """Write a file to a new object, of which others never see a part.
+    def put(self, path: str, address: str, *, is_new: bool = True) -> None:
+        """Write a file to an object, of which others never see a part: to a new one, or over any that is there.
 
-        Raises FileExistsError if there is such an object: for up to 64 MiB the store itself refuses it, otherwise it is
-        looked for before. Raises StoreError for a server that is only read.
+        Raises FileExistsError if `is_new` and there is such an object: for up to 64 MiB the store itself refuses it,
+        otherwise it is looked for before. Raises StoreError for a server that is only read.
         """
+        import obstore
         from obstore.exceptions import AlreadyExistsError
 
-        key = self._key(address)
+        key, is_large = self._key(address), os.path.getsize(path) > _ATOMIC
         if not key or key.endswith("/"):
             raise store_error(address, "expected the name of an object, found that of a folder")
         exists = FileExistsError(errno.EEXIST, "there is such an object already", shown_address(address))
-        if os.path.getsize(path) > _ATOMIC and self.has(address):
+        if is_new and is_large and self.has(address):
             raise exists
+        mode: PutMode = "create" if is_new and not is_large else "overwrite"
+        put = partial(obstore.put, self._client, key, mode=mode, use_multipart=is_large, max_concurrency=_PARTS)
         try:
-            self.replace(path, address, is_new=True)
+            with _translating(address), open(path, "rb") as file:
+                data = file if is_large else file.read()
+                result_of(lambda: put(data))
         except AlreadyExistsError:
             raise exists from None
 
@@ -158,18 +138,11 @@ class Store:
         except NoObjectError:
             return None
 
-    def save(self, address: str, data: bytes, *, over: UpdateVersion | None = None) -> Content:
-        """Write a small object whole, over any that is there, or only over one version of it.
+    def save(self, address: str, data: bytes, mode: PutMode = "overwrite") -> Content:
+        """Write a small object whole: a new one, over any that is there, or only over one version of it.
 
-        Raises ChangedError if that is not there any more.
+        Raises ChangedError if there is such an object, or that version is not there any more.
         """
-        return self._save(address, data, "overwrite" if over is None else over)
-
-    def create(self, address: str, data: bytes) -> Content:
-        """Write a new small object whole. Raises ChangedError if there is such an object."""
-        return self._save(address, data, "create")
-
-    def _save(self, address: str, data: bytes, mode: Literal["create", "overwrite"] | UpdateVersion) -> Content:
         import obstore
         from obstore.exceptions import AlreadyExistsError
 
@@ -186,18 +159,6 @@ class Store:
             return found
         return Content(data, _version(done))
 
-    def replace(self, path: str, address: str, *, is_new: bool = False) -> None:
-        """Write a file to an object, over any that is there, unless `is_new` and the file has up to 64 MiB."""
-        import obstore
-
-        key, is_large = self._key(address), os.path.getsize(path) > _ATOMIC
-        mode: Literal["create", "overwrite"] = "create" if is_new and not is_large else "overwrite"
-        with _translating(address), open(path, "rb") as file:
-            data = file if is_large else file.read()
-            result_of(
-                lambda: obstore.put(self._client, key, data, mode=mode, use_multipart=is_large, max_concurrency=_PARTS)
-            )
-
     def fetch(self, address: str, path: str) -> Stored:
         """Write an object to a new file. Return it. Raises ChangedError if it changes in the meantime, and OSError."""
         stored, front = self.look(address, _PIECE)
@@ -207,18 +168,6 @@ class Store:
                 file.seek(start)
                 file.write(data)
         return stored
-
-    def copy(self, addresses: Sequence[tuple[str, str]]) -> None:
-        """Copy objects within the store, from addresses to others."""
-        for _ in results_of(self._copy, addresses, _REQUESTS):
-            pass
-
-    def _copy(self, addresses: tuple[str, str]) -> None:
-        import obstore
-
-        source, target = addresses
-        with _translating(source):
-            obstore.copy(self._client, self._key(source), self._key(target))
 
     def has(self, address: str) -> bool:
         """Whether there is an object, as far as the credentials allow to look. Raises MissingError without bucket."""
@@ -329,36 +278,26 @@ def results_of(work: Callable[[Item], Result], items: Sequence[Item], count: int
 
     Raises the first error. The calls that run then go on alone: they end when the server answers, or not in time.
     """
-    if not items:
-        return
-    waiting: SimpleQueue[Item] = SimpleQueue()
-    for item in items:
-        waiting.put(item)
-    done: SimpleQueue[Result | BaseException] = SimpleQueue()
-    room, ended = Semaphore(count), Event()
+    done: SimpleQueue[tuple[Result | None, BaseException | None]] = SimpleQueue()
 
-    def run() -> None:
-        while room.acquire() and not ended.is_set():
-            try:
-                done.put(work(waiting.get_nowait()))
-            except Empty:
-                return
-            except BaseException as error:  # noqa: BLE001 - raised below
-                done.put(error)
+    def run(item: Item) -> None:
+        try:
+            done.put((work(item), None))
+        except BaseException as error:  # noqa: BLE001 - raised below
+            done.put((None, error))
 
-    threads = min(count, len(items))
-    for _ in range(threads):
-        Thread(target=run, name="msggen store", daemon=True).start()
-    try:
-        for _ in items:
-            found = done.get()
-            if isinstance(found, BaseException):
-                raise found
-            yield found
-            room.release()
-    finally:
-        ended.set()
-        room.release(threads)
+    def start(most: int) -> None:
+        for item in islice(waiting, most):
+            Thread(target=run, args=(item,), name="msggen store", daemon=True).start()
+
+    waiting = iter(items)
+    start(count)
+    for _ in items:
+        result, error = done.get()
+        if error is not None:
+            raise error
+        yield cast("Result", result)
+        start(1)
 
 
 def result_of(call: Callable[[], Result]) -> Result:

@@ -135,10 +135,6 @@ class Samples:
             return []
         times = np.array(self._times)
         return [
-            Series(label, times, self._array(values, number.code), number.annotation, end).since(low)
+            Series(label, times, np.array(values, np.dtype(number.code)), number.annotation, end).since(low)
             for (label, number), values in zip(self._numbers.items(), self._values, strict=True)
         ]
-
-    @staticmethod
-    def _array(values: array[Any], code: str) -> Any:
-        return np.array(values, np.dtype(code))

@@ -36,11 +36,8 @@ def report_object(report: Report) -> dict[str, Any]:
 
 def write_errors(errors: Sequence[Diagnostic]) -> str:
     """Return the errors that prevented a report. There is no key `findings`, because nothing was compared."""
-    return dump({"errors": [_error(error) for error in errors]})
-
-
-def _error(error: Diagnostic) -> dict[str, Any]:
-    return {"code": error.code, "message": error.message, "location": _location(error.location)}
+    found = [{"code": each.code, "message": each.message, "location": _location(each.location)} for each in errors]
+    return dump({"errors": found})
 
 
 def dump(document: Any, indent: int | None = 2) -> Styled:

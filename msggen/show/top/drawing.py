@@ -37,16 +37,12 @@ def _number(value: float) -> str:
     return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"  # noqa: PLR2004
 
 
-def _whole(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.0f}"
-
-
 _NUMBERS = (
     _Column("rate", "Hz", 6, lambda row: _number(row.rate)),
     _Column("limit", "limit", 6, lambda row: "-" if math.isnan(row.limit) else f"{row.limit:g}"),
     _Column("age", "age s", 6, lambda row: _number(row.age)),
     _Column("bandwidth", "kB/s", 6, lambda row: _number(row.bandwidth / 1000)),
-    _Column("size", "bytes", 6, lambda row: _whole(row.size)),
+    _Column("size", "bytes", 6, lambda row: "-" if math.isnan(row.size) else f"{row.size:.0f}"),
     _Column("samples", "samples", 8, lambda row: str(row.samples)),
     _Column("longest", "longest s", 9, lambda row: _number(row.longest)),
     _Column("state", "", 6, lambda row: row.state),

@@ -5,7 +5,7 @@ Times are in us. The facts are those of ExternalChecks in PX4's commander, measu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from msggen.sim.commander.rules import Rules
@@ -57,7 +57,8 @@ class Checks:
 
     def __init__(self, rules: Rules) -> None:
         self._rules = rules
-        self._checks: dict[int, Check] = {}
+        self.registered: dict[int, Check] = {}
+        """The checks by their ids."""
         self._replies: dict[int, Reply] = {}
         """The last reply of each id. As in PX4, a new registration begins with that of the one before it."""
         self._number = 0
@@ -68,41 +69,36 @@ class Checks:
         """Whether missing replies to the last request were counted."""
 
     @property
-    def registered(self) -> Mapping[int, Check]:
-        """The checks by their ids."""
-        return self._checks
-
-    @property
     def mask(self) -> int:
         """A bit for each registration that is not unresponsive."""
-        return sum(1 << number for number, each in self._checks.items() if not each.is_unresponsive)
+        return sum(1 << number for number, each in self.registered.items() if not each.is_unresponsive)
 
     @property
     def is_full(self) -> bool:
         """Whether no further check can be registered."""
-        return len(self._checks) == CHECKS
+        return len(self.registered) == CHECKS
 
     def register(self, mode: int = _NO_MODE) -> int:
         """Add a check, and return its id."""
-        number = next(each for each in range(CHECKS) if each not in self._checks)
-        self._checks[number] = Check(mode)
+        number = next(each for each in range(CHECKS) if each not in self.registered)
+        self.registered[number] = Check(mode)
         self._replies.setdefault(number, Reply())
         return number
 
     def remove(self, number: int, mode: int) -> bool:
         """Remove the check of a mode, or of none. Return False if there is none such."""
-        if number not in self._checks or self._checks[number].mode != mode:
+        if number not in self.registered or self.registered[number].mode != mode:
             return False
-        del self._checks[number]
+        del self.registered[number]
         return True
 
     def is_unresponsive(self, number: int) -> bool:
         """Whether a check does not answer."""
-        return number in self._checks and self._checks[number].is_unresponsive
+        return number in self.registered and self.registered[number].is_unresponsive
 
     def take(self, reply: Reply, time: int, now: int) -> None:
         """Take a reply with its time. One to another request, or of no check, does not count."""
-        check = self._checks.get(reply.check)
+        check = self.registered.get(reply.check)
         is_old = self._rules.most_age is not None and now > time + self._rules.most_age
         if check is None or is_old or reply.request != self._number:
             return
@@ -114,7 +110,7 @@ class Checks:
 
     def step(self, now: int) -> Request | None:
         """Count missing replies, and return the request that is due."""
-        if not self._checks:
+        if not self.registered:
             return None
         if self._time is not None and now > self._time + _DEADLINE and not self._has_counted:
             self._count()
@@ -126,15 +122,15 @@ class Checks:
         return Request(self._number, self.mask)
 
     def _count(self) -> None:
-        missing = self._checks.keys() - self._answered
+        missing = self.registered.keys() - self._answered
         self._has_counted = bool(missing)
         for number in sorted(missing):
-            check = self._checks[number]
+            check = self.registered[number]
             most = self._rules.misses if check.has_replied else self._rules.first_misses
             check.misses += not check.is_unresponsive
             if check.misses >= most and not check.is_unresponsive:
                 if check.mode == _NO_MODE:
-                    del self._checks[number]
+                    del self.registered[number]
                     continue
                 check.is_unresponsive = True
                 check.failures += 1
@@ -145,8 +141,8 @@ class Checks:
         As in PX4, a reply counts for the mode of the check whose id it has: in an id that was never used, the reply is
         zeros until the first one, so it counts for the check 0.
         """
-        for number in sorted(self._checks):
+        for number in sorted(self.registered):
             reply = self._replies[number]
-            of = self._checks.get(reply.check)
+            of = self.registered.get(reply.check)
             if of is not None:
                 yield of.mode, None if of.is_unresponsive else reply

@@ -13,8 +13,9 @@ from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
 from msggen.messages.vehicle_types import FIXED_WING, VtolState
 from msggen.sim.airframes import AIRFRAMES, Airframe
-from msggen.sim.commander import failsafe, states
-from msggen.sim.commander.checks import Checks, Reply, Request
+from msggen.sim.commander import failsafe
+from msggen.sim.commander.arming import BY_COMMAND, BY_FAILSAFE, BY_INACTION, BY_LANDING, WhileArmed
+from msggen.sim.commander.checks import Checks, Request
 from msggen.sim.commander.components import (
     AUTOPILOT,
     NONE,
@@ -29,7 +30,6 @@ from msggen.sim.commander.failsafe import Action, Failsafe, Situation, Trigger
 from msggen.sim.commander.requirements import Requirements, Senses, texts_of
 from msggen.sim.commander.rules import Rules
 from msggen.sim.commander.setpoint_types import ALL, Controls, controls_of
-from msggen.sim.commander.while_armed import WhileArmed
 
 LOOP = 10_000
 """The time between two steps of PX4's commander."""
@@ -111,11 +111,6 @@ class Commander:
     def controls(self) -> Controls:
         """What the setpoints of the mode of a program control."""
         return self._controls.get(self.mode, ALL)
-
-    @property
-    def selectable(self) -> int:
-        """The modes that users can select, as bits: can_set_nav_states_mask."""
-        return self.components.selectable
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -210,15 +205,15 @@ class Commander:
     def _rest(self) -> None:
         """Disarm a vehicle that has fallen over, or rested on the ground for long enough, after a flight or before."""
         if self.is_armed and self._sensed.has_fallen:
-            self._disarm(states.BY_FAILSAFE)
+            self._disarm(BY_FAILSAFE)
         if not self.is_armed:
             self._resting = None
         elif not self.takeoff_time:
             self._resting = self._resting or self._now
-            self._disarm_after("COM_DISARM_PRFLT", states.BY_INACTION, self._parameters["COM_SPOOLUP_TIME"])
+            self._disarm_after("COM_DISARM_PRFLT", BY_INACTION, self._parameters["COM_SPOOLUP_TIME"])
         elif not self._applied.keeps_armed:
             self._resting = (self._resting or self._now) if self._sensed.is_landed else None
-            self._disarm_after("COM_DISARM_LAND", states.BY_LANDING)
+            self._disarm_after("COM_DISARM_LAND", BY_LANDING)
 
     def _disarm_after(self, name: str, reason: int, more: float = 0.0) -> None:
         """Disarm after the seconds of a parameter and some more. A parameter that is not positive never disarms."""
@@ -239,10 +234,11 @@ class Commander:
         has_check = not wanted.mode or wanted.check
         if not has_check or not self.components.has_room(wanted) or (wanted.check and self.checks.is_full):
             return REFUSED
+        modes = self.components.modes
         mode, executor = self.components.add(wanted) if wanted.mode else (NONE, NONE)
         check = self.checks.register(mode) if wanted.check else NONE
         if wanted.mode:
-            self.components.connect(mode, check)
+            modes[mode] = modes[mode]._replace(check=check)
         if wanted.is_immediate and wanted.executor and not self.is_armed:
             self._select(mode)
         return Registered(success=True, check=check, mode=mode, executor=executor)
@@ -257,10 +253,6 @@ class Commander:
         self._remove(mode, name, executor)
         if self.intention == mode and not self.is_armed:
             self._select(nav_states.HOLD)
-
-    def reply(self, reply: Reply, time: int, now: int) -> None:
-        """Take an ArmingCheckReply with its time."""
-        self.checks.take(reply, time, now)
 
     def configure(self, mode: int, kind: int, *, is_applied: bool) -> tuple[int, frozenset[str]]:
         """Take a SetpointConfig. Return the result, and the requirements of the type."""
@@ -298,7 +290,7 @@ class Commander:
         """Remove a mode and its executor, with what they have configured, if the mode has this name."""
         if not self.components.remove(mode, name):
             return
-        self.components.remove_executor(executor)
+        self.components.executors.pop(executor, None)
         self._controls.pop(mode, None)
         self._overrides.pop((False, mode), None)
         self._overrides.pop((True, executor), None)
@@ -364,7 +356,7 @@ class Commander:
         if self.missing and not is_forced:
             self.reason = texts_of(self.missing)
             return TEMPORARILY_REJECTED
-        self.is_armed, self.armed_time, self.arming_reason = True, self._now, states.BY_COMMAND
+        self.is_armed, self.armed_time, self.arming_reason = True, self._now, BY_COMMAND
         self.takeoff_time = 0
         self._armed.begin(self.senses)
         return ACCEPTED
@@ -376,7 +368,7 @@ class Commander:
             self.reason = "the vehicle is in the air"
             return TEMPORARILY_REJECTED
         if self.is_armed:
-            self._disarm(states.BY_COMMAND)
+            self._disarm(BY_COMMAND)
         return ACCEPTED
 
     def _disarm(self, reason: int) -> None:

@@ -5,7 +5,6 @@ The facts are those of ModeManagement in PX4's commander, measured with v1.18.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from msggen.messages.nav_states import EXTERNAL
@@ -17,8 +16,6 @@ NONE = -1
 """The id of what is not there."""
 _SELECTABLE: Final = 0x7EC5FF
 """The modes of PX4 that users can select, as bits."""
-_INTERNAL = range(EXTERNAL.start)
-"""The modes that can be replaced: those of PX4."""
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
@@ -75,82 +72,62 @@ class Components:
     def __init__(self) -> None:
         self._hashes = [0] * len(EXTERNAL)
         """COM_MODE0_HASH to COM_MODE7_HASH: they outlive restarts."""
-        self._modes: dict[int, Mode] = {}
-        self._executors: dict[int, int] = {}
-
-    @property
-    def modes(self) -> Mapping[int, Mode]:
-        """The modes by their nav_states."""
-        return self._modes
-
-    @property
-    def executors(self) -> Mapping[int, int]:
-        """The nav_state of the mode that each executor owns."""
-        return self._executors
+        self.modes: dict[int, Mode] = {}
+        self.executors: dict[int, int] = {}
 
     @property
     def selectable(self) -> int:
         """The modes that users can select, as bits: those of programs in place of those that they replace."""
-        replaced = sum(1 << own.replaces for own in self._modes.values() if own.replaces is not None)
-        return (_SELECTABLE & ~replaced) | sum(1 << mode for mode in self._modes)
+        replaced = sum(1 << own.replaces for own in self.modes.values() if own.replaces is not None)
+        return (_SELECTABLE & ~replaced) | sum(1 << mode for mode in self.modes)
 
     def restart(self) -> None:
         """Forget all but the slots of names, as PX4 does when it restarts."""
-        self._modes.clear()
-        self._executors.clear()
+        self.modes.clear()
+        self.executors.clear()
 
     def has_room(self, wanted: Registration) -> bool:
         """Whether a mode and an executor can be registered, if they are wanted."""
         if wanted.executor and not wanted.mode:
             return False
-        if wanted.replaces is not None and wanted.replaces not in _INTERNAL:
-            return False
         is_replaced = wanted.replaces is not None and self.replacement(wanted.replaces) is not None
-        has_mode = not wanted.mode or (len(self._modes) < len(EXTERNAL) and not is_replaced)
-        return has_mode and (not wanted.executor or len(self._executors) < len(EXECUTORS))
+        has_mode = not wanted.mode or (len(self.modes) < len(EXTERNAL) and not is_replaced)
+        return has_mode and (not wanted.executor or len(self.executors) < len(EXECUTORS))
 
     def add(self, wanted: Registration) -> tuple[int, int]:
         """Add a mode, and its executor if it has one. Return their ids. The caller adds the arming check."""
         mode = EXTERNAL[self._slot(wanted.name)]
         executor = NONE
         if wanted.executor:
-            executor = next(each for each in EXECUTORS if each not in self._executors)
-            self._executors[executor] = mode
-        self._modes[mode] = Mode(wanted.name, NONE, executor, wanted.replaces)
+            executor = next(each for each in EXECUTORS if each not in self.executors)
+            self.executors[executor] = mode
+        self.modes[mode] = Mode(wanted.name, NONE, executor, wanted.replaces)
         return mode, executor
-
-    def connect(self, mode: int, check: int) -> None:
-        """Set the arming check of a mode."""
-        self._modes[mode] = self._modes[mode]._replace(check=check)
 
     def remove(self, mode: int, name: str) -> bool:
         """Remove the mode of a name. Return False if the mode has another name or is not there."""
-        if mode not in self._modes or self._modes[mode].name != name:
+        if mode not in self.modes or self.modes[mode].name != name:
             return False
-        del self._modes[mode]
+        del self.modes[mode]
         return True
-
-    def remove_executor(self, executor: int) -> None:
-        """Remove an executor, if it is there."""
-        self._executors.pop(executor, None)
 
     def replacement(self, mode: int) -> int | None:
         """Return the mode that replaces an internal one, None if none does."""
-        return min([each for each, own in self._modes.items() if own.replaces == mode], default=None)
+        return min([each for each, own in self.modes.items() if own.replaces == mode], default=None)
 
     def replaced_by(self, mode: int) -> int:
         """Return the internal mode that a mode replaces, or the mode itself."""
-        found = self._modes[mode].replaces if mode in self._modes else None
+        found = self.modes[mode].replaces if mode in self.modes else None
         return mode if found is None else found
 
     def owner(self, mode: int) -> int:
         """Return the executor that owns a mode, -1 for none."""
-        return self._modes[mode].executor if mode in self._modes else NONE
+        return self.modes[mode].executor if mode in self.modes else NONE
 
     def _slot(self, name: str) -> int:
         """Return a slot that is free: that of the name, else one that no name has, else any. Remember the name."""
         own = _hash_of(name)
-        free = [slot for slot, mode in enumerate(EXTERNAL) if mode not in self._modes]
+        free = [slot for slot, mode in enumerate(EXTERNAL) if mode not in self.modes]
         unused = [slot for slot in free if not self._hashes[slot]]
         if own in self._hashes:
             known = self._hashes.index(own)

@@ -185,16 +185,12 @@ def _possible(action: Action, situation: Situation) -> Action:
     """Return an action that is possible: a more severe one if its mode cannot run."""
     if action <= Action.WARN:
         return action
-    return next((each for each in Action if each >= action and _can(each, situation)), Action.TERMINATE)
+    return next((each for each, mode in MODES.items() if each >= action and situation.can_run(mode)), Action.TERMINATE)
 
 
 def _is_under_way(action: Action, situation: Situation) -> bool:
     """Whether the selected mode brings the vehicle to the ground already, as a return would."""
     return action is Action.RETURN and situation.mode in {LAND, RETURN} and situation.can_run(situation.mode)
-
-
-def _can(action: Action, situation: Situation) -> bool:
-    return action is Action.TERMINATE or situation.can_run(MODES[action])
 
 
 _FALLBACKS: Mapping[int, tuple[Action, ...]] = {

@@ -94,10 +94,6 @@ class Requirements:
         The reply is None if a mode does not answer, and the mode -1 if a check belongs to none.
         """
         self.masks = {**OF_PX4, **_OF_TYPES.get(vehicle_type, {})}
-        self._needed: dict[tuple[int, bool], tuple[str, ...]] = {}
-        """The requirements of modes that have been asked for."""
-        self._missing: dict[tuple[int, bool], tuple[Senses, tuple[str, ...]]] = {}
-        """What was missing when it was last asked for."""
         self.blocks_arming = False
         """Whether a check that belongs to no mode does not let the vehicle arm."""
         self.masks[OTHER] &= ~sum(1 << mode for mode in registered)
@@ -128,20 +124,9 @@ class Requirements:
 
         PX4's failsafes go `with_sticks` False: they deal with lost sticks by themselves.
         """
-        key = mode, with_sticks
-        last = self._missing.get(key)
-        if last is not None and last[0] is senses:
-            return last[1]
-        if key not in self._needed:
-            self._needed[key] = self._needs(mode, with_sticks=with_sticks)
-        found = tuple([name for name in self._needed[key] if name == OTHER or not getattr(senses, name)])
-        self._missing[key] = senses, found
-        return found
-
-    def _needs(self, mode: int, *, with_sticks: bool) -> tuple[str, ...]:
-        """Return the requirements of a mode that can be missing."""
         ignored = {PREVENT_ARMING} if with_sticks else {PREVENT_ARMING, STICKS}
-        return tuple(name for name, mask in self.masks.items() if mask >> mode & 1 and name not in ignored)
+        needed = [name for name, mask in self.masks.items() if mask >> mode & 1 and name not in ignored]
+        return tuple([name for name in needed if name == OTHER or not getattr(senses, name)])
 
     def prevents_arming(self, mode: int) -> bool:
         """Whether the vehicle must not be armed in a mode."""

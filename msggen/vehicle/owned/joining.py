@@ -47,13 +47,13 @@ class SharedLink(UnixLink):
         super().__init__(self._place.socket)
         self._wanted = Wanted(address, tuple(allow))
 
-    def open(self) -> socket.socket:
+    def connect(self) -> socket.socket:
         """Join the owner, or start one. Raises LinkError."""
         return joined(self._place, self._wanted)
 
     def reopened(self, reason: str) -> socket.socket:  # noqa: ARG002
         """Join the next owner, or start one. Raises LinkError."""
-        return self.open()
+        return self.connect()
 
 
 def joined(place: Place, wanted: Wanted) -> socket.socket:

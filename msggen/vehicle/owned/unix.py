@@ -11,11 +11,9 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from msggen.link.age import NEVER, expiry
-from msggen.link.guard import guarded
 from msggen.link.link import (
     NOTHING,
     Client,
-    Link,
     LinkError,
     Listener,
     Publisher,
@@ -25,6 +23,7 @@ from msggen.link.link import (
     Service,
     Statistics,
 )
+from msggen.link.threaded import ThreadedLink
 from msggen.vehicle.owned.greeting import connected, greeted
 from msggen.vehicle.owned.outgoing import Outgoing
 from msggen.vehicle.owned.records import (
@@ -48,19 +47,19 @@ _ANSWER_S = 1.0
 """The longest wait in s for an answer of the owner."""
 
 
-class UnixLink(Link):
+class UnixLink(ThreadedLink):
     """A link that another process owns, at the path of its socket."""
 
     is_shared = True
 
     def __init__(self, path: str, name: str = "") -> None:
         """Make a link. `name` is that of the program for people, by default that of its file or its command."""
+        super().__init__()
         self.path, self._name = path, name
         self._offset = 0
         """The number of the last vehicle of the owners before this one."""
         self._statistics = NOTHING
         self._socket: socket.socket | None = None
-        self._thread: threading.Thread | None = None
         self._outgoing = Outgoing()
         self._vehicles: dict[int, KnownVehicle] = {}
         self._last_number = 0
@@ -71,9 +70,8 @@ class UnixLink(Link):
         self._questions = itertools.count(1)
         self._asked: dict[int, str] = {}
         """What was asked, by the numbers of the questions that wait for an answer."""
-        self._is_closing = False
 
-    def open(self) -> socket.socket:
+    def connect(self) -> socket.socket:
         """Return a connected socket whose owner has greeted this program. Raises LinkError."""
         try:
             own = connected(self.path)
@@ -88,14 +86,10 @@ class UnixLink(Link):
 
     # --- Link
 
-    def start(self, listener: Listener) -> None:
+    def open(self, listener: Listener) -> None:  # noqa: ARG002
         """Join the owner. Raises LinkError."""
-        if self._thread is not None or self._is_closing:
-            raise LinkError("a link can be started once: make another one")
-        self._socket = self.open()
+        self._socket = self.connect()
         self._outgoing.begin(self._socket)
-        self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-unix", daemon=True)
-        self._thread.start()
 
     def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Send a sample, or drop it if the owner does not read. From any thread. Raises LinkError."""
@@ -109,7 +103,7 @@ class UnixLink(Link):
         """Send a request, which waits at the owner for those of other programs. From any thread. Raises LinkError."""
         own, vehicle = self._find(remote)
         body = UNTIL.pack(self._outgoing.clock.of(until)) + payload
-        self._send(record_of(CALL, body, own, vehicle.services.index(service), number))
+        self._outgoing.send(record_of(CALL, body, own, vehicle.services.index(service), number))
 
     def problem(self) -> str:
         """Return why what is published does not get through, "" if it does."""
@@ -123,13 +117,13 @@ class UnixLink(Link):
         """Forget a call."""
         with suppress(LinkError):
             own, _ = self._find(remote)
-            self._send(event_of("cancel", own, number))
+            self._outgoing.send(event_of("cancel", own, number))
 
     def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
         """Begin or end to take the samples of a route."""
         with suppress(LinkError, KeyError):
             number, vehicle = self._find(remote)
-            self._send(event_of("follow", number, vehicle.indexes[route.name], is_followed))
+            self._outgoing.send(event_of("follow", number, vehicle.indexes[route.name], is_followed))
 
     def last(self, remote: Remote, route: Route) -> Sample | None:
         """Return the last sample of a route, or None."""
@@ -145,7 +139,7 @@ class UnixLink(Link):
         """Return the answer of the owner to a question: its `state`, `clients` and so on. None if there is none."""
         question = next(self._questions)
         with suppress(LinkError):
-            if self._is_closing:
+            if self._closing:
                 return None
             self._asked[question] = what
             try:
@@ -192,38 +186,28 @@ class UnixLink(Link):
         found = self._vehicles.get(remote.number)
         return (*found.routes, *found.services) if found else ()
 
-    def close(self) -> None:
-        """Leave. The owner and the vehicles go on. Can be repeated."""
-        self._is_closing = True
-        thread = self._thread
+    def wake(self) -> None:
+        """Let the thread look around."""
         if self._socket is not None:
             with suppress(OSError):
                 self._socket.shutdown(socket.SHUT_RDWR)
-        if thread is not None and thread is not threading.current_thread():
-            thread.join()
+
+    def release(self) -> None:
+        """Leave. The owner and the vehicles go on."""
+        if self._socket is not None:
+            self._socket.close()
 
     # --- The thread
 
-    def _run(self, listener: Listener) -> None:
-        failure = ""
-        try:
-            while not self._is_closing:
-                reason = self._receive(listener) or "the process that owns the link has ended"
-                if self._is_closing:
-                    break
-                self._forget(listener, reason)
-                self._socket = self.reopened(reason)
-                self._outgoing.begin(self._socket)
-        except LinkError as error:
-            failure = str(error)
-        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
-            failure = f"the link failed: {type(error).__name__}: {error}"
-        self._is_closing = True
-        self._forget(listener, failure or "the link was closed")
-        if self._socket is not None:
-            self._socket.close()
-        if failure:
-            listener.failed(failure)
+    def serve(self, listener: Listener) -> None:
+        """Take what the owner tells, and what the next one does."""
+        while not self._closing:
+            reason = self._receive(listener) or "the process that owns the link has ended"
+            if self._closing:
+                return
+            self.leave(reason, listener)
+            self._socket = self.reopened(reason)
+            self._outgoing.begin(self._socket)
 
     def _receive(self, listener: Listener) -> str:
         """Deliver records until the owner ends. Return why, or "". Raises LinkError for what is no record."""
@@ -311,7 +295,7 @@ class UnixLink(Link):
         if what is not None:
             self._hand((EVENT, question), checked_answer(what, value))
 
-    def _forget(self, listener: Listener, reason: str) -> None:
+    def leave(self, reason: str, listener: Listener) -> None:
         """Tell the listener that all vehicles are gone with the owner."""
         for number, vehicle in tuple(self._vehicles.items()):
             del self._vehicles[number]
@@ -330,7 +314,7 @@ class UnixLink(Link):
         with self._lock:
             self._answers = (*self._answers, (key, answers))
         try:
-            self._send(record)
+            self._outgoing.send(record)
             return answers.get(timeout=_ANSWER_S)
         except Empty:
             return None
@@ -348,9 +332,6 @@ class UnixLink(Link):
         if found is None:
             raise LinkError(f"the vehicle at {remote.address} is no longer connected: wait until it is connected again")
         return remote.number - self._offset, found
-
-    def _send(self, record: bytes) -> None:
-        self._outgoing.send(record)
 
 
 _EVENTS: Mapping[str, Callable[..., None]] = {

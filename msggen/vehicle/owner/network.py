@@ -16,33 +16,27 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 from msggen.link.address import Address
-from msggen.link.age import AHEAD, LATE_OR_BEHIND, LONGEST_NS, expiry, now
+from msggen.link.age import LONGEST_NS, expiry, now
 from msggen.link.aside import Aside
-from msggen.link.link import Link, LinkError, Remote, Route, Service
+from msggen.link.link import Link, LinkError, Listener, Remote, Route, Service
 from msggen.link.rmw_zenoh.connection import Connection
 from msggen.link.rmw_zenoh.names import (
     Attachment,
-    Kind,
-    Token,
     beat_of,
-    carrier_of,
     gid_of,
-    key_of_carried,
+    is_since_1970,
     parse_attachment,
-    parse_token,
-    place_in,
 )
-from msggen.link.rmw_zenoh.waiting import Waiting
+from msggen.link.waiting import Waiting
 from msggen.messages.firmware import Firmware
 from msggen.messages.packages import Packages
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
-from msggen.vehicle.fleet import NAMESPACES, sort
 from msggen.vehicle.owned.unix import UnixLink
+from msggen.vehicle.owner.namespaces import Namespaces, comes_first, taken
 from msggen.vehicle.owner.network_topics import Flow, OnNetwork, Topic, domain_of_ros, topics_of
 from msggen.vehicle.owner.owner import LOGGER
 from msggen.vehicle.refusals import Refusals
-from msggen.vehicle.selection import shown
 
 if TYPE_CHECKING:
     from msggen.link.rmw_zenoh.session import Question, Session
@@ -54,11 +48,9 @@ _MOST: Final = 1000
 _MOST_TOKENS: Final = 200_000
 _RETRY_S: Final = 10.0
 """The time after which types are looked for again that were not found, because of an error."""
-_LEFT_S: Final = 2.0
-"""How long a namespace that others have left stays theirs, from when there is a router: they connect again, too."""
 
 
-class Network:
+class Network(Listener):
     """Carries the vehicles of an owner to Zenoh, and back what is published to them there."""
 
     def __init__(self, address: Address, path: str, types: Callable[[Firmware], Packages]) -> None:
@@ -80,10 +72,7 @@ class Network:
         """Those that are carried, by number."""
         self._flows: dict[tuple[int, str], Flow] = {}
         """By the number of the vehicle and the name of the route. Replaced as a whole."""
-        self._strangers: dict[str, set[str]] = {}
-        """The tokens of others that publish topics of vehicles, by namespace."""
-        self._left: dict[str, float] = {}
-        """When a namespace that others have left is free, of the monotonic clock."""
+        self._namespaces = Namespaces(self._domain)
         self._waiting = Waiting()
         self.refusals = Refusals()
         self._aside = Aside("msggen-network-aside", _MOST, self._fail)
@@ -95,11 +84,6 @@ class Network:
         """What is told of this process on the network."""
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="msggen-network", daemon=True)
-
-    @property
-    def is_router(self) -> bool:
-        """Whether this process is the router of the network."""
-        return self._connection.is_router
 
     def start(self) -> None:
         """Open the session, and join the owner soon. Raises LinkError."""
@@ -141,21 +125,9 @@ class Network:
         if flow is not None:
             flow.put(payload, time)
 
-    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """Do nothing: there are no services on the network."""
-
-    def refused(self, remote: Remote, number: int, problem: str) -> None:
-        """Do nothing."""
-
-    def lost(self, remote: Remote, missing: int) -> None:
-        """Do nothing: samples are counted anew on the network."""
-
     def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
         """Take definitions."""
         self._entries.identified(remote, hashes, is_complete=is_complete)
-
-    def warned(self, text: str) -> None:
-        """Do nothing: the owner has told it."""
 
     def failed(self, reason: str) -> None:
         """End with the owner."""
@@ -167,8 +139,7 @@ class Network:
 
     def _begin(self, session: Session) -> None:
         """Declare all anew in a session."""
-        self._left.update(dict.fromkeys(self._strangers, time.monotonic() + _LEFT_S))
-        self._strangers.clear()
+        self._namespaces.begin(time.monotonic())
         session.tokens(partial(self._take_token, session))
         for vehicle in tuple(self._vehicles.values()):
             vehicle.declared.clear()  # it has ended with the session before
@@ -241,43 +212,25 @@ class Network:
         LOGGER.log(INFO if self._connection.has_router else WARNING, "%s: %s", self._name, role)
 
     def _note(self, text: str, *, is_alive: bool) -> None:
-        """Take a token of somebody who publishes topics of a vehicle."""
-        token, session = parse_token(text), self._connection.session
-        place = place_in(token.key.name) if token is not None and token.key is not None else None
-        if token is None or place is None or token.domain != self._domain or session is None:
-            return
-        if token.kind != "MP" or place[1] != "out" or session.is_own(token.zid):
-            return
-        found = self._strangers.get(place[0], set())
-        if is_alive and len(found) < _MOST and (found or len(self._strangers) < _MOST):
-            self._strangers.setdefault(place[0], set()).add(text)
-            self._contest(place[0], token, session)
-        elif not is_alive and text in found:
-            found.discard(text)
-            if not found:
-                del self._strangers[place[0]]
-                if len(self._left) < _MOST:
-                    self._left[place[0]] = time.monotonic() + _LEFT_S
+        """Take a token. Withdraw a vehicle whose namespace others have claimed, and rightly.
 
-    def _contest(self, namespace: str, token: Token, session: Session) -> None:
-        """Withdraw a vehicle whose namespace another process carries, too, whose session has the smaller id.
-
-        That process compares the same ids, and keeps its vehicle. A vehicle that is not declared yet comes second.
+        A vehicle that is not declared yet comes second.
         """
-        is_theirs = key_of_carried(token.node) is not None and int(token.zid, 16) < int(session.zid, 16)
+        session = self._connection.session
+        if session is None or not (found := self._namespaces.note(text, session, time.monotonic(), is_alive=is_alive)):
+            return
+        namespace, token = found
         for number, vehicle in tuple(self._vehicles.items()):
-            if vehicle.entry.remote.namespace == namespace:
-                if is_theirs or not vehicle.declared:
-                    self._end(number)
-                else:
-                    self._tell(_taken(namespace, token.zid))
+            if vehicle.entry.remote.namespace != namespace:
+                continue
+            if comes_first(token, session.zid) or not vehicle.declared:
+                self._end(number)
+            else:
+                self._tell(taken(namespace, token.zid))
 
     def _settle(self, now: float) -> None:
-        """Carry the vehicles of namespaces that others have left for good: a lost router takes all tokens with it."""
-        if not self._connection.has_router:
-            self._left = dict.fromkeys(self._left, now + _LEFT_S)
-        elif any(free <= now for free in self._left.values()):
-            self._left = {namespace: free for namespace, free in self._left.items() if free > now}
+        """Carry the vehicles of namespaces that others have left."""
+        if self._namespaces.has_freed(now, has_router=self._connection.has_router):
             self._sort()
 
     def _update(self, entry: Entry) -> None:
@@ -295,21 +248,13 @@ class Network:
         """Carry all vehicles whose key space nobody else has."""
         carried = [each.entry.remote for each in self._vehicles.values()]
         with self._lock:
-            present = [each.remote for each in self._entries.values() if each.check.is_complete]
-        others = {namespace: parse_token(next(iter(texts))) for namespace, texts in self._strangers.items() if texts}
-        free = [each for each in present if each.namespace not in others and each.namespace not in self._left]
-        for remote in present:
-            other = others.get(remote.namespace)
-            if remote not in carried and other is not None:
-                self._tell(f"not carried: {shown(remote)}: {_taken(remote.namespace, other.zid)}")
-        found = sort(carried, free, NAMESPACES)
+            present = {each.remote: each for each in self._entries.values() if each.check.is_complete}
+        found = self._namespaces.sort(carried, present)
         for _, reason in found.refused:
             self._tell(f"not carried: {reason}")
         for remote in found.new:
-            entry = self._entries.get(remote.number)
-            if entry is not None:
-                vehicle = self._vehicles[remote.number] = OnNetwork(entry)
-                self._look_up(vehicle)
+            vehicle = self._vehicles[remote.number] = OnNetwork(present[remote])
+            self._look_up(vehicle)
 
     def _tell(self, text: str) -> None:
         if text not in self._told and len(self._told) < _MOST:
@@ -354,42 +299,33 @@ class Network:
         self._withdraw(vehicle)
         vehicle.topics = topics
         self._declare(vehicle)
-        LOGGER.info("%s is on the network, with %d topics", shown(entry.remote), len(topics))
+        LOGGER.info("%s is on the network, with %d topics", entry.remote, len(topics))
         if missing:
             names = ", ".join(sorted(missing))
-            self._tell(f"not on the network, because no types have the vehicle's definitions: {names}: {_TYPES}")
+            cure = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
+            self._tell(f"not on the network, because no types have the vehicle's definitions: {names}: {cure}")
 
     def _declare(self, vehicle: OnNetwork) -> None:
         """Declare a vehicle in the session, if there is one: its node, then what it reads, then what it publishes."""
         session, remote = self._connection.session, vehicle.entry.remote
         if session is None:
             return
-        count = first = remote.number % 100_000 * 10_000  # a number of nine digits, which readers of tokens accept
-        node = Token(self._domain, session.zid, "NN", carrier_of(remote.key), ids=(count, count))
-        node = node._replace(namespace=remote.namespace)
-        flows = dict(self._flows)
-
-        def token_of(kind: Kind, topic: Topic) -> str:
-            nonlocal count
-            count += 1
-            return str(node._replace(kind=kind, key=topic.key, qos=topic.qos, ids=(first, count)))
-
+        node, flows = vehicle.node(self._domain, session.zid), dict(self._flows)
         with suppress(LinkError):  # the session has ended, and another one follows
             vehicle.declared.append(session.declare(str(node)))
             key = beat_of(session.zid, self._domain, remote.namespace)
             vehicle.beat = Flow(session.publisher(key, lambda _: None), gid_of(str(node)))
             vehicle.declared.append(vehicle.beat.publisher)
-            for topic in sorted(vehicle.topics.values(), key=lambda each: each.route.direction):
+            for topic, token in vehicle.tokens(node):
                 text = str(topic.key)
                 if topic.route.direction == "in":
                     take = partial(self._take_sample, vehicle, topic)
-                    vehicle.declared += [session.subscribe(text, take), session.declare(token_of("MS", topic))]
+                    vehicle.declared += [session.subscribe(text, take), session.declare(token)]
                 else:
-                    token = token_of("MP", topic)
                     publisher = session.publisher(text, self._follower(remote, topic.route))
                     flows[remote.number, topic.route.name] = Flow(publisher, gid_of(token))
                     self._follow(remote, topic.route, is_followed=publisher.is_heard)
-                    answered = session.answer(text, self._answerer(remote, topic))
+                    answered = session.answer(text, partial(self._answer, remote, topic))
                     vehicle.declared += [publisher, answered, session.declare(token)]
         self._flows = flows
 
@@ -405,7 +341,7 @@ class Network:
         vehicle = self._vehicles.pop(number, None)
         if vehicle is not None:
             if vehicle.declared:
-                LOGGER.info("%s is no longer on the network", shown(vehicle.entry.remote))
+                LOGGER.info("%s is no longer on the network", vehicle.entry.remote)
             self._withdraw(vehicle)
         self._sort()
 
@@ -428,21 +364,17 @@ class Network:
         if is_followed:
             self._aside.do(catch_up)
 
-    def _answerer(self, remote: Remote, topic: Topic) -> Callable[[Question], None]:
-        """Return what tells the last sample of a topic."""
+    def _answer(self, remote: Remote, topic: Topic, question: Question) -> None:
+        """Tell the last sample of a topic soon, if not too many ask."""
 
-        def tell(question: Question) -> None:
-            found = self._link.last(remote, topic.route)
-            flow = self._flows.get((remote.number, topic.route.name))
+        def tell() -> None:
+            found, flow = self._link.last(remote, topic.route), self._flows.get((remote.number, topic.route.name))
             if found is not None and flow is not None:
                 question.reply(found.payload, Attachment(flow.sequence, found.time, flow.gid).pack())
             question.close()
 
-        def answer(question: Question) -> None:
-            if not self._answers.do(lambda: tell(question)):
-                question.close()
-
-        return answer
+        if not self._answers.do(tell):
+            question.close()
 
     def _send(  # noqa: PLR0913, PLR0917 - what is known of a sample
         self, vehicle: OnNetwork, topic: Topic, payload: bytes, attachment: bytes | None, arrived: int, until: int
@@ -457,18 +389,8 @@ class Network:
             return
         try:
             data = topic.message.decode(payload).encode()
-            waited = self._waiting.of((name, told.gid), told.time, arrived, until - LONGEST_NS)
-            if waited is None or waited > LONGEST_NS:
-                self.refusals.add(name, AHEAD if waited is None else LATE_OR_BEHIND)
-                return
+            published_by = arrived if is_since_1970(told.time) else until - LONGEST_NS
+            waited = self._waiting.of((name, told.gid), published_by - told.time, arrived, until - LONGEST_NS)
             self._link.publish(vehicle.entry.remote, topic.route, data, until - waited)
         except (LinkError, ValueError) as error:
             self.refusals.add(name, error)
-
-
-_TYPES: Final = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
-
-
-def _taken(namespace: str, zid: str) -> str:
-    name = f"of the namespace '{namespace}'" if namespace else "without a namespace"
-    return f"another program publishes topics {name} on this network, in the session {zid}: {NAMESPACES}"

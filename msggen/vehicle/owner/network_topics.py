@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from msggen.link.link import LinkError, Route
-from msggen.link.rmw_zenoh.names import Attachment, Key, Qos
+from msggen.link.rmw_zenoh.names import Attachment, Key, Kind, Qos, Token, carrier_of
 from msggen.messages.names import without_namespace
 from msggen.messages.packages import Message, Packages, has_definition
 from msggen.vehicle.entry import Entry
@@ -68,6 +68,21 @@ class OnNetwork:
         """When its types were looked for, of the monotonic clock."""
         self.declared: list[Declared] = []
         self.beat: Flow | None = None
+
+    def node(self, domain: int, zid: str) -> Token:
+        """Return the token of its node in a session."""
+        remote = self.entry.remote
+        number = remote.number % 100_000 * 10_000  # of nine digits, which readers of tokens accept
+        node = Token(domain, zid, "NN", carrier_of(remote.key), ids=(number, number))
+        return node._replace(namespace=remote.namespace)
+
+    def tokens(self, node: Token) -> Iterator[tuple[Topic, str]]:
+        """Yield its topics, first those that it reads, and the token of each."""
+        first, _ = node.ids or (0, 0)
+        topics = sorted(self.topics.values(), key=lambda each: each.route.direction)
+        for number, topic in enumerate(topics, first + 1):
+            kind: Kind = "MS" if topic.route.direction == "in" else "MP"
+            yield topic, str(node._replace(kind=kind, key=topic.key, qos=topic.qos, ids=(first, number)))
 
 
 def topics_of(route: Route, entry: Entry, packages: Packages, domain: int) -> Iterator[Topic]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from msggen.link.address import Address
 from msggen.link.age import is_over
 from msggen.link.aside import Aside
-from msggen.link.link import Link, LinkError, Remote, Route, Service, StaleError
+from msggen.link.link import Link, LinkError, Listener, Remote, Route, Service, StaleError
 from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
 from msggen.vehicle.owned.places import found_at
@@ -75,7 +75,7 @@ class Carried:
         self.lost = 0
 
 
-class Owner:
+class Owner(Listener):
     """The listener of a link that programs share. They have hubs of their own."""
 
     def __init__(self, link: Link, address: Address, allow: Sequence[str | int], wake: Callable[[], None]) -> None:
@@ -176,9 +176,6 @@ class Owner:
             call = vehicle.calls.replied(number) if vehicle is not None else None
             if call is not None:
                 self.send(call.program, record_of(CALL, payload, remote.number, call.service, call.number))
-
-    def refused(self, remote: Remote, number: int, problem: str) -> None:
-        """Do nothing: this process owns the link, and `call` raises the error."""
 
     def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
         """Take what the link knows of the definitions, so that this process need not ask for them."""

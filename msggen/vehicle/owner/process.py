@@ -39,11 +39,7 @@ Setup: TypeAlias = Mapping[str, Any]
 """What a process is told of the link that it is to own."""
 
 
-def _alone(setup: Setup, place: Place) -> AbstractContextManager[None]:  # noqa: ARG001 - as `main` calls it
-    return nullcontext()
-
-
-def main(join: Callable[[Setup, Place], AbstractContextManager[None]] = _alone) -> None:
+def main(join: Callable[[Setup, Place], AbstractContextManager[None]] = lambda *_: nullcontext()) -> None:
     """Run an owner, apart from the program that starts it. Its setup is JSON on the standard input.
 
     `join` opens what uses the link in this process, before other programs can join, and closes it at the end. Writes

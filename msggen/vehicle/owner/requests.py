@@ -235,18 +235,6 @@ def _vehicle(owner: Owner, number: int, vehicle: Carried) -> dict[str, object]:
     }
 
 
-def _clients(owner: Owner, _program: Program) -> list[list[object]]:
-    return [list(each) for each in owner.link.clients()]
-
-
-def _settled(owner: Owner, _program: Program) -> bool:
-    return owner.link.is_settled()
-
-
-def _refusals(owner: Owner, _program: Program) -> dict[str, int]:
-    return dict(owner.link.refusals())
-
-
 def _publishers(owner: Owner, _program: Program) -> dict[int, list[Publisher]]:
     """Return what each program has published to each vehicle."""
     return {
@@ -259,10 +247,6 @@ def _publishers(owner: Owner, _program: Program) -> dict[int, list[Publisher]]:
     }
 
 
-def _warnings(owner: Owner, _program: Program) -> list[str]:
-    return list(owner.warnings)
-
-
 _REQUESTS: Mapping[str, Callable[..., None]] = {
     "hello": _hello,
     "follow": _follow,
@@ -273,9 +257,9 @@ _REQUESTS: Mapping[str, Callable[..., None]] = {
 _ANSWERS: Mapping[str, Callable[[Owner, Program], object]] = {
     "statistics": _statistics,
     "state": _state,
-    "clients": _clients,
-    "settled": _settled,
-    "refusals": _refusals,
+    "clients": lambda owner, _: [list(each) for each in owner.link.clients()],
+    "settled": lambda owner, _: owner.link.is_settled(),
+    "refusals": lambda owner, _: dict(owner.link.refusals()),
     "publishers": _publishers,
-    "warnings": _warnings,
+    "warnings": lambda owner, _: list(owner.warnings),
 }

@@ -140,8 +140,7 @@ def test_a_session_begins_and_ends(name: str, namespace: str) -> None:
     ]
     prefix = f"/{namespace}/fmu/" if namespace else "/fmu/"
     assert all(event.route.name.startswith(prefix) for event in done.all(Opened))
-    with pytest.raises(RuntimeError):
-        done.agent.routes(1)
+    assert not done.agent.routes(1)
 
 
 def test_requests_and_replies_have_the_bytes_of_the_real_agent() -> None:

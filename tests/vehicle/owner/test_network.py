@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -234,7 +235,7 @@ def test_another_session_gives_the_first_process_time_to_come_back(pair: tuple[P
     second.begin("0c" * 16)
     late(token, is_alive=True)  # of the session before: nothing tells when it goes
     second.run()
-    assert not second.network._strangers
+    assert not second.network._namespaces._tokens
     second.network._settle(time.monotonic())
     second.run()
     assert not second.carries
@@ -272,7 +273,7 @@ def test_questions_of_others_keep_no_vehicle_off_the_network(pair: tuple[Process
 
     first.network._link.last = lambda *_: hung.wait(20.0) and None
     topic = type("Topic", (), {"route": Route(NAME, "", "out", 1)})
-    ask = first.network._answerer(REMOTE, topic)
+    ask = partial(first.network._answer, REMOTE, topic)
     try:
         for _ in range(1100):
             ask(Question())

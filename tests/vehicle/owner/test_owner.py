@@ -614,7 +614,7 @@ def test_an_owner_without_descriptors_waits_for_some(path: Path, monkeypatch: py
             raise OSError(errno.EMFILE, "Too many open files")
         return accept(self)
 
-    with UnixLink(str(path)).open():
+    with UnixLink(str(path)).connect():
         monkeypatch.setattr(server_module, "_PAUSE_S", 0.3)
         monkeypatch.setattr(socket.socket, "accept", limited)
         own = greeting.connected(str(path))

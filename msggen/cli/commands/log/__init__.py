@@ -7,26 +7,7 @@ from types import ModuleType
 
 from msggen.cli.commands.log import compare, convert, findings, fleet, info, mcap, plot, report, show
 from msggen.cli.commands.log.arguments import CODES
-from msggen.cli.options import Commands, add_group
-
-_MODULES = (info, show, findings, plot, report, compare, convert, fleet, mcap)
-"""The modules of the actions, in the order of the help."""
-
-
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    actions = add_group(
-        commands,
-        "log",
-        help="look at recordings (MCAP, rosbag2, ULog), and examine, plot, convert, cut, merge and repair them",
-        description="Look at recordings of flights, and make others of them: MCAP files, folders and databases of "
-        "rosbag2, and PX4's own ULogs. Definitions come from the recording itself.",
-        epilog=CODES,
-    )
-    for module in _MODULES:
-        module.add_to(actions)
-    for parser in actions.choices.values():
-        parser.set_defaults(nearby=_firmware_nearby)
+from msggen.cli.options import new_group
 
 
 def _firmware_nearby(options: argparse.Namespace) -> tuple[ModuleType, str] | None:
@@ -37,3 +18,14 @@ def _firmware_nearby(options: argparse.Namespace) -> tuple[ModuleType, str] | No
     from msggen.cli.chosen_types import folder_firmware
 
     return folder_firmware(options)
+
+
+add_to = new_group(
+    "log",
+    "look at recordings (MCAP, rosbag2, ULog), and examine, plot, convert, cut, merge and repair them",
+    "Look at recordings of flights, and make others of them: MCAP files, folders and databases of "
+    "rosbag2, and PX4's own ULogs. Definitions come from the recording itself.",
+    [module.add_to for module in (info, show, findings, plot, report, compare, convert, fleet, mcap)],
+    epilog=CODES,
+    nearby=_firmware_nearby,
+)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.commands.log.targets import STDIN, SUFFIXES
-from msggen.cli.options import FAILED_CODES, add_shared
+from msggen.cli.options import FAILED_CODES, add_shared, add_value
 from msggen.cli.values import local_path, new_recording, non_empty, recording, seconds
 
 if TYPE_CHECKING:
@@ -25,52 +25,37 @@ KINDS = f"{', '.join(_FILES)}, or a folder or {_DATABASE.removeprefix('a ')}"
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
     text = f"recording: {KINDS}; {STDIN} for stdin; or an address: s3://BUCKET/KEY, https://…"
-    parser.add_argument("file", metavar="FILE", type=recording, help=text)
+    add_value(parser, "file", "FILE", recording, text)
     group = parser.add_argument_group("definitions", "For topics that have no definition in the recording.")
     add_shared(group, "--msg-dir")
-    group.add_argument("--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated")
+    add_value(group, "--types", "NAME|DIR", local_path, "package that msggen has generated")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:
     """Add the topics to take, and from when to when."""
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        type=non_empty,
-        help="topics to take, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
-        "(default: all)",
+    text = (
+        "topics to take, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' (default: all)"
     )
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="*")
     add_times(parser)
 
 
 def add_times(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose a time."""
-    parser.add_argument(
-        "--start",
-        metavar="SECONDS",
-        type=seconds,
-        help="begin so long after the start of the recording; 0 includes older samples",
-    )
-    parser.add_argument(
-        "--stop", metavar="SECONDS", type=seconds, help="end before this time after the start of the recording"
-    )
+    text = "begin so long after the start of the recording; 0 includes older samples"
+    add_value(parser, "--start", "SECONDS", seconds, text)
+    add_value(parser, "--stop", "SECONDS", seconds, "end before this time after the start of the recording")
 
 
 def add_fields(parser: argparse.ArgumentParser, text: str) -> None:
     """Add the option that chooses fields."""
-    parser.add_argument(
-        "--field",
-        metavar="FIELD",
-        action="append",
-        type=non_empty,
-        help=f"{text}, such as timestamp, q or esc[0].esc_rpm; repeatable (default: all)",
-    )
+    text = f"{text}, such as timestamp, q or esc[0].esc_rpm; repeatable (default: all)"
+    add_value(parser, "--field", "FIELD", non_empty, text, action="append")
 
 
 def add_output(parser: argparse.ArgumentParser, text: str, metavar: str = "FILE") -> None:
     """Add the options of an action that writes."""
-    parser.add_argument("-o", "--output", metavar=metavar, type=new_recording, help=text)
+    add_value(parser, "-o, --output", metavar, new_recording, text)
     add_shared(parser, "--json", "-q, --quiet")
 
 

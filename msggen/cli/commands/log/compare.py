@@ -12,7 +12,7 @@ from msggen.base.foreign import Styled
 from msggen.cli.commands.log.arguments import CODES, add_file
 from msggen.cli.commands.log.opening import add_other, both_opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.options import Run, add_shared, new_command
 from msggen.cli.table import BOLD, LEVEL_STYLES, Column, print_table, styled
 from msggen.show.report.json import dump
 
@@ -21,21 +21,20 @@ if TYPE_CHECKING:
     from msggen.recordings import Log
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "compare",
-        _compare,
-        help="show how two flights differ: findings, figures, firmware, parameters, devices and topics",
-        description="Show how two flights differ: findings that only one has, the flights in numbers, firmware and "
-        "hardware, devices, parameters, rates of topics, and topics that only one has. A is the first recording, B "
-        "the other one. `msggen log report A B` draws both.",
-        epilog=CODES,
-    )
+@new_command(
+    "compare",
+    "show how two flights differ: findings, figures, firmware, parameters, devices and topics",
+    "Show how two flights differ: findings that only one has, the flights in numbers, firmware and "
+    "hardware, devices, parameters, rates of topics, and topics that only one has. A is the first recording, B "
+    "the other one. `msggen log report A B` draws both.",
+    epilog=CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
     add_other(parser, is_needed=True)
     add_shared(parser, "--json")
+    return _compare
 
 
 def _compare(options: argparse.Namespace) -> int:
@@ -77,7 +76,7 @@ def _print(comparison: Comparison, logs: Sequence[Log]) -> None:
     for side, place in zip(SIDES, (1, 2), strict=True):
         names = [each.name for each in comparison.parameters if each[3 - place] is None]
         _print_names("parameter", side, names)
-    _print_table("topic, Hz", comparison.rates, _rate)
+    _print_table("topic, Hz", comparison.rates, "{:.1f}".format)
     for side, topics in zip(SIDES, comparison.topics, strict=True):
         _print_names("topic", side, topics)
 
@@ -94,10 +93,6 @@ def _lines(told: Told) -> Iterator[str]:
             yield Styled(f"{front}: {level} {rule}: {printable(each.text)}{time}")
         if reason and not findings:
             yield printable(f"        {side} does not tell: {reason}")
-
-
-def _rate(value: Value) -> str:
-    return f"{value:.1f}"
 
 
 def _print_table(heading: str, rows: Sequence[Difference], form: Callable[[Value], str] | None = None) -> None:

@@ -19,37 +19,27 @@ from msggen.cli.commands.log.arguments import (
 from msggen.cli.commands.log.fleet import add_fleet, convert_fleet, is_fleet, refuse_fleet
 from msggen.cli.commands.log.opening import code_of, opened, written
 from msggen.cli.commands.log.targets import STDIN, default_target, format_of
-from msggen.cli.options import Commands, add_command, add_shared, refuse
+from msggen.cli.options import Run, add_shared, new_command, refuse
 from msggen.exports.convert import FORMATS, TABLES
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "convert",
-        _convert,
-        help="write a recording as Parquet, Arrow, CSV, MCAP or rosbag2",
-        description="Write a recording in another format. Parquet, Arrow and CSV are a folder with a file for each "
-        "topic, <topic>[_<instance>].parquet, or a file with one topic if the output ends so: -o wind.csv. "
-        "Folders of a ULog come with its parameters, texts and dropouts, unless topics or fields are chosen. A ULog "
-        "becomes an MCAP file that Foxglove, Rerun and ROS 2 open. The recordings below a folder become one data set.",
-        epilog=CODES,
-    )
+@new_command(
+    "convert",
+    "write a recording as Parquet, Arrow, CSV, MCAP or rosbag2",
+    "Write a recording in another format. Parquet, Arrow and CSV are a folder with a file for each "
+    "topic, <topic>[_<instance>].parquet, or a file with one topic if the output ends so: -o wind.csv. "
+    "Folders of a ULog come with its parameters, texts and dropouts, unless topics or fields are chosen. A ULog "
+    "becomes an MCAP file that Foxglove, Rerun and ROS 2 open. The recordings below a folder become one data set.",
+    epilog=CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
     add_topics(parser)
-    parser.add_argument(
-        "--format",
-        choices=FORMATS,
-        metavar="FORMAT",
-        help=f"{', '.join(FORMATS)} (default: what the output ends in, such as .mcap or .csv, otherwise parquet)",
-    )
-    parser.add_argument(
-        "--storage",
-        choices=STORAGES,
-        metavar="STORAGE",
-        help=f"of --format rosbag2: {' or '.join(STORAGES)} (default: {STORAGES[0]})",
-    )
+    text = f"{', '.join(FORMATS)} (default: what the output ends in, such as .mcap or .csv, otherwise parquet)"
+    parser.add_argument("--format", choices=FORMATS, metavar="FORMAT", help=text)
+    text = f"of --format rosbag2: {' or '.join(STORAGES)} (default: {STORAGES[0]})"
+    parser.add_argument("--storage", choices=STORAGES, metavar="STORAGE", help=text)
     add_fields(parser, "column of tables to write")
     add_shared(parser, "--quote-formulas", "--sql-names")
     add_output(
@@ -59,6 +49,7 @@ def add_to(actions: Commands) -> None:
         "FILE|DIR",
     )
     add_fleet(parser)
+    return _convert
 
 
 def _convert(options: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ from msggen.cli.commands.log.arguments import add_file
 from msggen.cli.commands.log.fleet import MOST_JOBS, is_fleet
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar, progress_bar
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, check_parent, new_command, refuse
 from msggen.cli.packages import check_reading, store_errors
 from msggen.cli.table import BOLD, LEVEL_STYLES, styled
 from msggen.cli.values import local_path, whole
@@ -33,18 +33,16 @@ _KEYS = (("recording", None, str), ("digest", "", str), ("size", 0, int), ("chan
 """The keys of a line that must fit, each with what stands for a missing one, and its type."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "findings",
-        _findings,
-        help="say what went wrong in a flight, or nearly: vibration, power, GPS, motors, failsafes and more",
-        description="Say what went wrong in a flight, or nearly: what was seen and when, what it means and what to do, "
-        "the worst first. What the recording does not tell is said, too. `msggen rules` lists the rules, `msggen "
-        "explain ID` explains one.",
-        epilog=_CODES,
-    )
+@new_command(
+    "findings",
+    "say what went wrong in a flight, or nearly: vibration, power, GPS, motors, failsafes and more",
+    "Say what went wrong in a flight, or nearly: what was seen and when, what it means and what to do, "
+    "the worst first. What the recording does not tell is said, too. `msggen rules` lists the rules, `msggen "
+    "explain ID` explains one.",
+    epilog=_CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
     group = parser.add_argument_group(
         "folders of recordings",
@@ -52,12 +50,13 @@ def add_to(actions: Commands) -> None:
         "with -o or --json (docs/findings.md).",
     )
     text = "file to write, a line of JSON for each recording; what one has already is not examined again"
-    group.add_argument("-o", "--output", metavar="FILE", type=local_path, help=text)
+    add_value(group, "-o, --output", "FILE", local_path, text)
     text = "number of processes (default: that of the processors)"
-    group.add_argument("--jobs", metavar="N", type=whole(1, MOST_JOBS), help=text)
+    add_value(group, "--jobs", "N", whole(1, MOST_JOBS), text)
     text = "list the rules that found nothing, and those that cannot say anything, with the reason"
-    parser.add_argument("-v", "--verbose", action="store_true", help=text)
+    add_flag(parser, "-v, --verbose", text)
     add_shared(parser, "--json")
+    return _findings
 
 
 def _findings(options: argparse.Namespace) -> int:
@@ -139,6 +138,8 @@ def _of_many(options: argparse.Namespace) -> int:
         if getattr(options, name):
             refuse(options, f"argument {spelling}: only for a single recording")
     check_reading("R102")
+    from msggen.exports.fleet.examining import examine_all
+
     if options.output:
         check_parent(options.output)
     lines = {each["recording"]: each for each in _lines_before(options.output)} if options.output else {}
@@ -147,7 +148,7 @@ def _of_many(options: argparse.Namespace) -> int:
     is_told = not (options.output or options.json)
     with _written(options.output) as output, progress_bar(options) as show:
         try:
-            for number, line in enumerate(_examined(options, work), 1):
+            for number, line in enumerate(examine_all(work, options.jobs or os.cpu_count() or 1), 1):
                 levels[_worst(line)] += 1
                 if is_told:
                     print(printable(f"{line['recording']}: {_brief(line)}"))
@@ -173,12 +174,6 @@ def _work(options: argparse.Namespace, lines: Sequence[Mapping[str, Any]]) -> Wo
             return work_in(options.file, lines)
     except RecordingError as error:
         raise input_error(options.file, "R102", str(error), 0) from None
-
-
-def _examined(options: argparse.Namespace, work: Work) -> Iterator[Mapping[str, Any]]:
-    from msggen.exports.fleet.examining import examine_all
-
-    return examine_all(work, options.jobs or os.cpu_count() or 1)
 
 
 def _lines_before(path: str) -> Iterator[dict[str, Any]]:

@@ -18,7 +18,7 @@ from msggen.base.recording_formats import format_named
 from msggen.cli.commands.log.opening import counted_samples
 from msggen.cli.commands.log.progress import Show, progress_bar
 from msggen.cli.commands.log.targets import check_folder
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import Run, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import check_reading, needing, store_errors
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import new_recording, non_empty, whole
@@ -52,18 +52,10 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
         "folders of recordings", "All recordings below a folder are converted to Parquet, once each (docs/fleet.md)."
     )
-    group.add_argument(
-        "--by",
-        metavar="KEYS",
-        type=non_empty,
-        help="what rows are sorted by first: vehicle,date, or one of these (default: vehicle,date)",
-    )
-    group.add_argument(
-        "--jobs", metavar="N", type=whole(1, MOST_JOBS), help="number of processes (default: that of the processors)"
-    )
-    group.add_argument(
-        "--dask", metavar="ADDRESS", type=non_empty, help="scheduler of Dask, tcp://HOST:PORT, whose workers convert"
-    )
+    text = "what rows are sorted by first: vehicle,date, or one of these (default: vehicle,date)"
+    add_value(group, "--by", "KEYS", non_empty, text)
+    add_value(group, "--jobs", "N", whole(1, MOST_JOBS), "number of processes (default: that of the processors)")
+    add_value(group, "--dask", "ADDRESS", non_empty, "scheduler of Dask, tcp://HOST:PORT, whose workers convert")
 
 
 def refuse_fleet(options: argparse.Namespace) -> None:
@@ -85,10 +77,10 @@ def is_fleet(path: str) -> bool:
 
 def _is_folder_in_store(address: str) -> bool:
     check_reading("R102")
-    from msggen.exports.fleet.listing import is_folder
+    from msggen.exports.fleet.finding import is_folder_in_store
 
     with store_errors("R102"):
-        return is_folder(address)
+        return is_folder_in_store(address)
 
 
 def convert_fleet(options: argparse.Namespace) -> int:
@@ -166,7 +158,8 @@ def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
     from msggen.exports.fleet.layout import STATE
     from msggen.exports.fleet.records import original_of
 
-    failed = [f"{_shown_path(each.path)}: {_reason(each)}" for each in summary.failed]
+    reasons = {each.path: each.error.removeprefix(f"{each.path} ").removeprefix("is ") for each in summary.failed}
+    failed = [f"{_shown_path(path)}: {reason}" for path, reason in reasons.items()]
     incomplete = [f"{_shown_path(each.path)}: {_loss(each)}" for each in summary.incomplete]
     copies = [
         f"{_shown_path(each.path)}: has the contents of {_shown_path(original_of(each.record))}"
@@ -188,10 +181,6 @@ def _shown_path(path: str) -> str:
         return path
 
 
-def _reason(outcome: Outcome) -> str:
-    return outcome.error.removeprefix(f"{outcome.path} ").removeprefix("is ")
-
-
 def _loss(outcome: Outcome) -> str:
     """Return what is missing of a recording, in one line."""
     first, *others = outcome.record.problems if outcome.record else ("",)
@@ -205,7 +194,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     size = number_of_bytes(sum(each.size for each in summary.written))
     converted = (
         f"{counted(len(done), 'recording')} converted in {seconds:.1f} s, "
-        f"{counted_samples(sum(each.rows for each in done))} in {files}, {size}"
+        f"{counted_samples(sum(each.samples for each in done))} in {files}, {size}"
     )
     yield f"{fleet}: {converted if done else 'nothing new'}"
     for number, text in (
@@ -217,7 +206,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     ):
         if number:
             yield f"  {number:6} {text}"
-    if summary.known:
+    if summary.records:
         document = summary.document()
         yield f"vehicles: {few(list(document['vehicles']))}"
         yield f"dates: {few(list(document['dates']))}"
@@ -225,30 +214,25 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
         yield f"dates are from: {origins}"
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "compact",
-        _compact,
-        help="make large files of the small ones of a fleet",
-        description="Make large files of the small ones that runs of `msggen log convert` have added to a fleet "
-        "(docs/fleet.md). The rows stay the same.",
-        epilog=f"Exit codes: 0 done, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "fleet", metavar="FLEET", type=new_recording, help="folder or address that `msggen log convert` has written"
-    )
+@new_command(
+    "compact",
+    "make large files of the small ones of a fleet",
+    "Make large files of the small ones that runs of `msggen log convert` have added to a fleet "
+    "(docs/fleet.md). The rows stay the same.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    add_value(parser, "fleet", "FLEET", new_recording, "folder or address that `msggen log convert` has written")
     add_shared(parser, "--json", "-q, --quiet")
+    return _compact
 
 
-def _compact(options: argparse.Namespace) -> int:
+def _compact(options: argparse.Namespace) -> None:
     done = _compacted(options)
     if options.json:
         print(dump(done._asdict()))
     elif not options.quiet:
         print(f"{options.fleet}: {_line(done)}")
-    return DONE
 
 
 def _compacted(options: argparse.Namespace) -> Compacted:

@@ -14,7 +14,7 @@ from msggen.cli.commands.log.arguments import CODES, add_file
 from msggen.cli.commands.log.fields import field_objects, print_fields
 from msggen.cli.commands.log.opening import counted_samples, opened, print_problems, problem_object
 from msggen.cli.commands.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.options import Run, add_flag, add_shared, add_value, new_command
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.table import YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
@@ -33,34 +33,31 @@ _FEW_CHUNKS = 100
 """How many chunks may be read for gaps that nobody asked for: rosbag2 writes one for each 768 KiB."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "info",
-        _info,
-        help="show what a recording has: topics, rates, times, vehicle, firmware, or the fields of a topic",
-        description="Show what a recording has: its time, vehicle and firmware, and of each topic the type, the "
-        "number of samples, their size, the rate in Hz, the times of the first and the last sample in s after the "
-        "start, and the gaps: intervals longer than five times the median, with the longest in s. Gaps of a recording "
-        f"in MCAP with more than {_FEW_CHUNKS} chunks are shown on request. With TOPIC, show its fields.",
-        epilog=CODES,
-    )
+@new_command(
+    "info",
+    "show what a recording has: topics, rates, times, vehicle, firmware, or the fields of a topic",
+    "Show what a recording has: its time, vehicle and firmware, and of each topic the type, the "
+    "number of samples, their size, the rate in Hz, the times of the first and the last sample in s after the "
+    "start, and the gaps: intervals longer than five times the median, with the longest in s. Gaps of a recording "
+    f"in MCAP with more than {_FEW_CHUNKS} chunks are shown on request. With TOPIC, show its fields.",
+    epilog=CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
-    parser.add_argument("topic", metavar="TOPIC", nargs="?", type=non_empty, help="topic whose fields to show")
-    parser.add_argument(
-        "--gaps", action="store_true", help="read the times of all samples, also in MCAP of many chunks, for the gaps"
-    )
-    parser.add_argument(
-        "--verify", action="store_true", help="read the whole file, and compare the chunks of MCAP with their checksums"
-    )
+    add_value(parser, "topic", "TOPIC", non_empty, "topic whose fields to show", nargs="?")
+    add_flag(parser, "--gaps", "read the times of all samples, also in MCAP of many chunks, for the gaps")
+    add_flag(parser, "--verify", "read the whole file, and compare the chunks of MCAP with their checksums")
     add_shared(parser, "--json")
+    return _info
 
 
 def _info(options: argparse.Namespace) -> int:
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):
-            checksums = _verify(log) if options.verify else None
+            for _ in log.undecoded() if options.verify else ():
+                pass  # reading reports what is damaged
+            checksums = log.verify() if options.verify else None
             has_gaps = bool(options.gaps or options.verify or options.topic) or _has_few_chunks(log)
             topics = [log.topic(options.topic)] if options.topic else log.topics
             rows = [_row(log, topic, has_gaps=has_gaps) for topic in topics]
@@ -89,13 +86,6 @@ def _has_few_chunks(log: Log) -> bool:
     if log.contents is not None and is_address(log.path):
         return False
     return log.contents is None or log.contents.chunks <= _FEW_CHUNKS
-
-
-def _verify(log: Log) -> Checksums:
-    """Read all of a recording, which reports what is damaged, and compare its checksums."""
-    for _ in log.undecoded():
-        pass
-    return log.verify()
 
 
 def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[str, str]]:

@@ -15,7 +15,7 @@ from msggen.base.recording_formats import MCAP
 from msggen.cli.commands.log.arguments import CODES, KINDS, add_file, add_output, add_topics, check_times, chosen_topics
 from msggen.cli.commands.log.opening import code_of, opened, written
 from msggen.cli.commands.log.targets import check_mcap, named_stem
-from msggen.cli.options import FAILED_CODES, Commands, add_command
+from msggen.cli.options import FAILED_CODES, Commands, Run, add_flag, add_value, new_command
 from msggen.cli.values import recording
 
 if TYPE_CHECKING:
@@ -30,19 +30,17 @@ def add_to(actions: Commands) -> None:
     _add_repair(actions)
 
 
-def _add_cut(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "cut",
-        _cut,
-        help="write some of a recording, by time and topic, to an MCAP file",
-        description="Write the samples of some topics, or of a time, to an MCAP file: those of a ULog as CDR, all "
-        "others as they are.",
-        epilog=CODES,
-    )
+@new_command(
+    "cut",
+    "write some of a recording, by time and topic, to an MCAP file",
+    "Write the samples of some topics, or of a time, to an MCAP file: those of a ULog as CDR, all others as they are.",
+    epilog=CODES,
+)
+def _add_cut(parser: argparse.ArgumentParser) -> Run:
     add_file(parser)
     add_topics(parser)
     add_output(parser, "file to write, an MCAP file (default: the name of the recording with .cut.mcap, here)")
+    return _cut
 
 
 def _cut(options: argparse.Namespace) -> int:
@@ -59,18 +57,17 @@ def _cut(options: argparse.Namespace) -> int:
         return code_of(written(options, target, lambda progress: join([log], target, selection, progress=progress)))
 
 
-def _add_merge(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "merge",
-        _merge,
-        help="write several recordings to one MCAP file, in the order of their log times",
-        description="Write several recordings to one MCAP file, in the order of their log times. Those of a ULog are "
-        "in UTC if the ULog has the time of a GPS receiver.",
-        epilog=CODES,
-    )
-    parser.add_argument("files", metavar="FILE", nargs="+", type=recording, help=f"recordings, each {KINDS}")
+@new_command(
+    "merge",
+    "write several recordings to one MCAP file, in the order of their log times",
+    "Write several recordings to one MCAP file, in the order of their log times. Those of a ULog are "
+    "in UTC if the ULog has the time of a GPS receiver.",
+    epilog=CODES,
+)
+def _add_merge(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "files", "FILE", recording, f"recordings, each {KINDS}", nargs="+")
     add_output(parser, "file to write, an MCAP file (default: merged.mcap)")
+    return _merge
 
 
 def _merge(options: argparse.Namespace) -> int:
@@ -78,7 +75,8 @@ def _merge(options: argparse.Namespace) -> int:
     target = options.output or f"merged{MCAP}"
     if len(options.files) == 1:
         options.parser.error("expected several recordings, found one")
-    twice = [path for path, count in Counter(map(_place, options.files)).items() if count > 1]
+    places = [path if is_address(path) else os.path.realpath(path) for path in options.files]
+    twice = [path for path, count in Counter(places).items() if count > 1]
     if twice:
         name = shown_address(twice[0]) if is_address(twice[0]) else os.path.relpath(twice[0])
         options.parser.error(f"{name} is named twice: its samples would be written twice")
@@ -90,11 +88,6 @@ def _merge(options: argparse.Namespace) -> int:
         return code_of(
             written(options, target, lambda progress: _named(join(logs, target, progress=progress), inputs, target))
         )
-
-
-def _place(path: str) -> str:
-    """Return the path of a file without links, or an address."""
-    return path if is_address(path) else os.path.realpath(path)
 
 
 def _named(converted: Converted, inputs: Iterable[tuple[str, Log]], target: str) -> Converted:
@@ -109,23 +102,19 @@ def _named(converted: Converted, inputs: Iterable[tuple[str, Log]], target: str)
     return converted._replace(problems=problems, notes=notes)
 
 
-def _add_repair(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "repair",
-        _repair,
-        help="write everything that can be read of a damaged recording to a whole MCAP file",
-        description="Write every whole sample of a recording that is cut off or damaged to a new MCAP file with an "
-        "index, and tell what is missing. The recording stays as it is.",
-        epilog=f"Exit codes: 0 done, with or without losses, 1 not one sample can be read, {FAILED_CODES}",
-    )
+@new_command(
+    "repair",
+    "write everything that can be read of a damaged recording to a whole MCAP file",
+    "Write every whole sample of a recording that is cut off or damaged to a new MCAP file with an "
+    "index, and tell what is missing. The recording stays as it is.",
+    epilog=f"Exit codes: 0 done, with or without losses, 1 not one sample can be read, {FAILED_CODES}",
+)
+def _add_repair(parser: argparse.ArgumentParser) -> Run:
     add_file(parser)
-    parser.add_argument(
-        "--keep-damaged",
-        action="store_true",
-        help="also write chunks and attachments that do not match their checksums: some of their values are wrong",
-    )
+    text = "also write chunks and attachments that do not match their checksums: some of their values are wrong"
+    add_flag(parser, "--keep-damaged", text)
     add_output(parser, "file to write, an MCAP file (default: the name of the recording with .repaired.mcap, here)")
+    return _repair
 
 
 def _repair(options: argparse.Namespace) -> int:

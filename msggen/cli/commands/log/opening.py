@@ -17,7 +17,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.commands.log.progress import busy_bar, progress_bar
 from msggen.cli.commands.log.targets import STDIN
-from msggen.cli.options import check_parent
+from msggen.cli.options import add_value, check_parent
 from msggen.cli.packages import check_reading, import_package, missing_extra, store_errors, store_failed, topics_of
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import recording
@@ -73,7 +73,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
 def add_other(parser: argparse.ArgumentParser, *, is_needed: bool) -> None:
     """Add the recording of a second flight."""
     text = "recording of another flight" + ("" if is_needed else ", to show both side by side")
-    parser.add_argument("other", metavar="OTHER", type=recording, nargs=None if is_needed else "?", help=text)
+    add_value(parser, "other", "OTHER", recording, text, nargs=None if is_needed else "?")
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.log.arguments import CODES, add_file, add_times, asked_time, check_times
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, refuse
+from msggen.cli.options import Run, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import needing
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
 from msggen.cli.values import non_empty
@@ -28,31 +28,27 @@ _WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 """The backends of matplotlib that cannot show a window."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to the command line."""
-    parser = add_command(
-        actions,
-        "plot",
-        _plot,
-        help="plot fields over time, step responses, spectra and others, to a file or in a window",
-        description="Plot fields of a recording over time: those of one unit share a panel, values with names are "
-        "bands, and the flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, "
-        "thrust, innovations.",
-        epilog=CODES,
-    )
+@new_command(
+    "plot",
+    "plot fields over time, step responses, spectra and others, to a file or in a window",
+    "Plot fields of a recording over time: those of one unit share a panel, values with names are "
+    "bands, and the flight modes are the background. Or one of: step-response, spectrum, spectrogram, actuators, "
+    "thrust, innovations.",
+    epilog=CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
-    parser.add_argument(
-        "fields",
-        metavar="FIELD",
-        nargs="+",
-        type=non_empty,
-        help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0], 'sensor_gps[1].eph' of the "
+    text = (
+        "vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0], 'sensor_gps[1].eph' of the "
         "second instance; or step-response; spectrum, spectrogram, with gyro, accel or topics of them; actuators; "
-        "thrust; innovations",
+        "thrust; innovations"
     )
+    add_value(parser, "fields", "FIELD", non_empty, text, nargs="+")
     add_picture(parser, "a window")
     add_times(parser)
     add_shared(parser, "-q, --quiet")
+    return _plot
 
 
 def _plot(options: argparse.Namespace) -> int:

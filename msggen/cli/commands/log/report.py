@@ -12,7 +12,7 @@ from msggen.cli.commands.log.arguments import CODES, add_file
 from msggen.cli.commands.log.opening import add_other, both_opened, opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar
 from msggen.cli.commands.log.targets import named_stem
-from msggen.cli.options import Commands, add_command, add_shared, check_parent, refuse, write_whole
+from msggen.cli.options import Run, add_shared, add_value, check_parent, new_command, refuse, write_whole
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import local_path
 
@@ -22,24 +22,23 @@ if TYPE_CHECKING:
 _ENDING = ".html"
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to the command line."""
-    parser = add_command(
-        actions,
-        "report",
-        _report,
-        help="write a report on a flight: one HTML file with charts, track, events, parameters and findings",
-        description="Write a report on a flight: one HTML file, which works without a network. It has findings, "
-        "charts with one time axis and the flight modes behind them, the track, texts and events, parameters that are "
-        "not default or changed, and the topics. What the recording lacks is left out, and named. With a second "
-        "recording, the report has both flights side by side: what differs, and the same charts over each other.",
-        epilog=CODES,
-    )
+@new_command(
+    "report",
+    "write a report on a flight: one HTML file with charts, track, events, parameters and findings",
+    "Write a report on a flight: one HTML file, which works without a network. It has findings, "
+    "charts with one time axis and the flight modes behind them, the track, texts and events, parameters that are "
+    "not default or changed, and the topics. What the recording lacks is left out, and named. With a second "
+    "recording, the report has both flights side by side: what differs, and the same charts over each other.",
+    epilog=CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
     add_other(parser, is_needed=False)
     text = "file to write; one that exists is replaced (default: NAME.report.html in the current folder)"
-    parser.add_argument("-o", "--output", metavar="FILE", type=local_path, help=text)
+    add_value(parser, "-o, --output", "FILE", local_path, text)
     add_shared(parser, "-q, --quiet")
+    return _report
 
 
 def _report(options: argparse.Namespace) -> int:

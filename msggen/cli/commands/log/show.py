@@ -17,7 +17,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled, safe_json
 from msggen.cli.commands.log.arguments import CODES, add_fields, add_file, add_times, asked_time, check_times
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
-from msggen.cli.options import Commands, add_command, add_shared, refuse
+from msggen.cli.options import Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.values import COUNT, non_empty, whole
 from msggen.show.report.json import dump
 
@@ -32,38 +32,31 @@ _FARTHEST = 10**15
 _INSTANCES = 255
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen log`."""
-    parser = add_command(
-        actions,
-        "show",
-        _show,
-        help="print the samples of a topic, or the parameters or texts of a ULog",
-        description="Print the samples of a topic with units, frames and names of values, or what a ULog has beside "
-        "its topics, which MCAP files made of one have too. Times are in s after the start.",
-        epilog=CODES,
-    )
+@new_command(
+    "show",
+    "print the samples of a topic, or the parameters or texts of a ULog",
+    "Print the samples of a topic with units, frames and names of values, or what a ULog has beside "
+    "its topics, which MCAP files made of one have too. Times are in s after the start.",
+    epilog=CODES,
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_file(parser)
-    parser.add_argument(
-        "topic",
-        metavar="TOPIC",
-        nargs="?",
-        type=non_empty,
-        help="topic, such as vehicle_status, VehicleStatus or /fmu/out/vehicle_status_v4, or a field of one, such as "
-        "vehicle_attitude.q; with --params a parameter, or several, such as 'MPC_*'",
+    text = (
+        "topic, such as vehicle_status, VehicleStatus or /fmu/out/vehicle_status_v4, or a field of one, such as "
+        "vehicle_attitude.q; with --params a parameter, or several, such as 'MPC_*'"
     )
-    parser.add_argument("--instance", metavar="N", type=whole(0, _INSTANCES), help="of the topic (default: 0)")
-    parser.add_argument("--params", action="store_true", help="print the parameters of a ULog")
-    parser.add_argument(
-        "--changed",
-        action="store_true",
-        help="with --params, print only those that differ from the default of the airframe, or change during the log",
-    )
-    parser.add_argument("--texts", action="store_true", help="print the lines of the vehicle's log in a ULog")
+    add_value(parser, "topic", "TOPIC", non_empty, text, nargs="?")
+    add_value(parser, "--instance", "N", whole(0, _INSTANCES), "of the topic (default: 0)")
+    add_flag(parser, "--params", "print the parameters of a ULog")
+    text = "with --params, print only those that differ from the default of the airframe, or change during the log"
+    add_flag(parser, "--changed", text)
+    add_flag(parser, "--texts", "print the lines of the vehicle's log in a ULog")
     add_times(parser)
-    parser.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after so many samples, or lines")
+    add_value(parser, "-n, --count", "N", COUNT, "end after so many samples, or lines")
     add_fields(parser, "field to print")
     add_shared(parser, "--json", "--csv", "--quote-formulas", "--sql-names")
+    return _show
 
 
 def _show(options: argparse.Namespace) -> int:

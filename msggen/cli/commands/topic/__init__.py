@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from msggen.cli.commands.topic import echo, info, listing, measuring, plot, pub
-from msggen.cli.options import Commands, add_group
+from msggen.cli.options import new_group
 
-_MODULES = (listing, info, echo, plot, measuring, pub)
-"""The modules of the actions, in the order of the help."""
-
-
-def add_to(commands: Commands) -> None:
-    """Add the command to the command line."""
-    actions = add_group(
-        commands,
-        "topic",
-        help="list, print, plot, measure and publish the topics of a running vehicle",
-        description="Look at the topics of a running vehicle, and publish to them, without an agent, DDS or ROS.",
-    )
-    for module in _MODULES:
-        module.add_to(actions)
+add_to = new_group(
+    "topic",
+    "list, print, plot, measure and publish the topics of a running vehicle",
+    "Look at the topics of a running vehicle, and publish to them, without an agent, DDS or ROS.",
+    [module.add_to for module in (listing, info, echo, plot, measuring, pub)],
+)

@@ -9,14 +9,14 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.commands.topic.naming import SPELLINGS, heard, named
+from msggen.cli.commands.topic.naming import SPELLINGS, format_errors, heard, named
 from msggen.cli.commands.topic.printer import Printer, check_fields, condition_of
-from msggen.cli.link import Connection, add_link, connection, for_people
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.values import local_path, non_empty, positive
 from msggen.cli.watching import add_limits, rounds, watching
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from msggen.messages.lookup import Named
     from msggen.recordings.log.event_texts import EventTexts
     from msggen.vehicle.subscription import Subscription
-    from msggen.vehicle.vehicle import Vehicle
 
 _PERIOD = 0.05
 """How often to print what has arrived, in s: waking up for each sample would take most of the time."""
@@ -38,46 +37,32 @@ _CONDITION = re.compile(r"[\s=<>!&|^()%*+]")
 """What a condition has, and no name of a topic."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "echo",
-        _echo,
-        help="print the messages of topics",
-        description="Print the messages of topics as they arrive, with names of enums and units, until Ctrl-C. A "
-        "condition can stand behind a single topic, too: a second word with an operator, a space or parentheses is "
-        "one. Of several topics, each has its own number of messages, by -n or --once.",
-        epilog="Example: `msggen topic echo vehicle_status 'arming_state == ARMED' --once`. "
-        f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="+",
-        type=non_empty,
-        help=f"topics to print, also as TOPIC.FIELD, or TOPIC FILTER; {SPELLINGS}",
-    )
-    parser.add_argument(
-        "--filter",
-        metavar="CONDITION",
-        type=non_empty,
-        help="print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'",
-    )
+@new_command(
+    "echo",
+    "print the messages of topics",
+    "Print the messages of topics as they arrive, with names of enums and units, until Ctrl-C. A "
+    "condition can stand behind a single topic, too: a second word with an operator, a space or parentheses is "
+    "one. Of several topics, each has its own number of messages, by -n or --once.",
+    epilog="Example: `msggen topic echo vehicle_status 'arming_state == ARMED' --once`. "
+    f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = f"topics to print, also as TOPIC.FIELD, or TOPIC FILTER; {SPELLINGS}"
+    add_value(parser, "topics", "TOPIC", non_empty, text, nargs="+")
+    text = "print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'"
+    add_value(parser, "--filter", "CONDITION", non_empty, text)
     add_shared(parser, "--field")
-    parser.add_argument(
-        "--events",
-        metavar="FILE",
-        type=local_path,
-        help="print what events say, too, by all_events.json.xz of the firmware's build, or a ULog that it has written",
-    )
-    parser.add_argument("--once", action="store_true", help="end after the first message")
-    parser.add_argument("--every", metavar="SECONDS", type=positive, help="print at most one message in this time")
+    text = "print what events say, too, by all_events.json.xz of the firmware's build, or a ULog that it has written"
+    add_value(parser, "--events", "FILE", local_path, text)
+    add_flag(parser, "--once", "end after the first message")
+    add_value(parser, "--every", "SECONDS", positive, "print at most one message in this time")
     add_limits(parser)
     group = parser.add_mutually_exclusive_group()
     add_shared(group, "--json", "--csv")
     add_shared(parser, "--quote-formulas")
     add_link(parser)
+    return _echo
 
 
 def _echo(options: argparse.Namespace) -> int:
@@ -87,7 +72,8 @@ def _echo(options: argparse.Namespace) -> int:
     with connection(options, lambda package: _check(options, condition, package)) as found, ExitStack() as stack:
         topics = [found.fitting(topic) for topic in heard(options, found, options.topics)]
         _check_known(options, found, topics)
-        subscriptions = [stack.enter_context(_subscribed(options, found.vehicle, topic)) for topic in topics]
+        with format_errors(options):
+            subscriptions = [stack.enter_context(found.vehicle.subscribe(topic.name)) for topic in topics]
         topics = [_confirmed(found, topic) for topic in topics]
         messages = [topic.message for topic in topics if topic.message]
         check_fields(options, messages)
@@ -156,23 +142,6 @@ def _check_known(options: argparse.Namespace, found: Connection, topics: Sequenc
             refuse(options, f"argument TOPIC: {text}: name the vehicle's firmware, --px4 PX4-Autopilot")
 
 
-def _subscribed(options: argparse.Namespace, vehicle: Vehicle, topic: Named) -> Subscription[Any]:
-    """Return the samples of a topic. Raises WrongArgumentError if the types have another version of it."""
-    from msggen.link.link import TopicError
-
-    try:
-        return vehicle.subscribe(topic.name)
-    except TopicError as error:
-        _refuse_types(options, error)
-
-
-def _refuse_types(options: argparse.Namespace, error: Exception) -> NoReturn:
-    """Report types that are not the vehicle's. The end of the error is a cure for programs."""
-    from msggen.link.link import FormatError
-
-    refuse(options, f"argument TOPIC: {for_people(FormatError(str(error)))}")
-
-
 def _confirmed(found: Connection, topic: Named) -> Named:
     """Return a topic with the vehicle's definition, which is waited for: no message of another one is printed."""
     from msggen.link.link import LinkError
@@ -215,17 +184,12 @@ class _Stream:
 
 def _print(options: argparse.Namespace, found: Connection, streams: Sequence[_Stream]) -> int:
     """Print messages until the end, and return the exit code."""
-    from msggen.link.link import FormatError
-
-    with watching():
-        try:
-            _follow(options, found, streams)
-        except FormatError as error:
-            _refuse_types(options, error)
+    with watching(), format_errors(options):
+        _follow(options, found, streams)
     for stream in streams:
         for text in stream.printer.summary(stream.samples):
             print(text, file=sys.stderr)
-    return FINDINGS if getattr(options, "for") and options.count and not _are_done(streams) else DONE
+    return FINDINGS if options.seconds and options.count and not _are_done(streams) else DONE
 
 
 def _follow(options: argparse.Namespace, found: Connection, streams: Sequence[_Stream]) -> None:
@@ -235,7 +199,7 @@ def _follow(options: argparse.Namespace, found: Connection, streams: Sequence[_S
             stream.take_last()
     if _are_done(streams):
         return
-    for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD)):
+    for number, _ in enumerate(rounds(options.seconds, found.vehicle, _PERIOD)):
         _print_arrived(streams)
         if _are_done(streams):
             return

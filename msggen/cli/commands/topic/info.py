@@ -10,10 +10,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import counted
-from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.options import Run, add_shared, new_command
 from msggen.cli.table import Column, objects_of, print_table
 from msggen.link.rmw_zenoh.names import Key, place_in
 from msggen.show.report.json import dump
@@ -26,22 +25,20 @@ _PATIENCE = 3.0
 """How long to wait for the vehicle's definitions, in s."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "info",
-        _info,
-        help="show what is known of a topic: message, hashes, QoS, fields",
-        description="Show the message of a topic with its hashes, what the bridge does with it, and its fields with "
-        "units and enums.",
-    )
+@new_command(
+    "info",
+    "show what is known of a topic: message, hashes, QoS, fields",
+    "Show the message of a topic with its hashes, what the bridge does with it, and its fields with units and enums.",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_topic(parser)
     add_shared(parser, "--json")
     add_link(parser)
+    return _info
 
 
-def _info(options: argparse.Namespace) -> int:
+def _info(options: argparse.Namespace) -> None:
     with connection(options, names_check(options, [options.topic]), needs_types=False) as found:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
@@ -51,7 +48,6 @@ def _info(options: argparse.Namespace) -> int:
             print(dump({key: value for fact in facts for key, value in fact.values.items()} | _definition(topic)))
         else:
             _print(facts, topic.message)
-    return DONE
 
 
 def _vehicle_hash(found: Connection, topic: Named) -> int | None:

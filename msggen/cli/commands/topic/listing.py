@@ -10,10 +10,9 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, add_shared, refuse
+from msggen.cli.options import Commands, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.table import DIM, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
@@ -36,56 +35,46 @@ def add_to(actions: Commands) -> None:
     _add_find(actions)
 
 
-def _add_list(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "list",
-        _list,
-        help="list the topics of the vehicle",
-        description="List the topics of the vehicle in both directions, sorted by name: `out` if PX4 publishes it, "
-        "`in` if PX4 reads it.",
-    )
-    parser.add_argument("-t", "--show-types", action="store_true", help="show the type of each topic")
-    parser.add_argument(
-        "-v",
-        "-l",
-        "--verbose",
-        action="store_true",
-        help="listen for a while, and show rates, sizes, the age of the last sample, and topics that are silent",
-    )
+@new_command(
+    "list",
+    "list the topics of the vehicle",
+    "List the topics of the vehicle in both directions, sorted by name: `out` if PX4 publishes it, "
+    "`in` if PX4 reads it.",
+)
+def _add_list(parser: argparse.ArgumentParser) -> Run:
+    add_flag(parser, "-t, --show-types", "show the type of each topic")
+    text = "listen for a while, and show rates, sizes, the age of the last sample, and topics that are silent"
+    add_flag(parser, "-v, -l, --verbose", text)
     parser.add_argument("--direction", choices=("out", "in"), metavar="WAY", help="only the topics of a way: out, in")
     add_window(parser)
     add_shared(parser, "--json")
     add_link(parser)
+    return _list
 
 
-def _add_type(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "type",
-        _print_type,
-        help="print the type of a topic",
-        description="Print the type of a topic in ROS 2, such as px4_msgs/msg/VehicleStatus. `msggen topic info` shows "
-        "its fields.",
-    )
+@new_command(
+    "type",
+    "print the type of a topic",
+    "Print the type of a topic in ROS 2, such as px4_msgs/msg/VehicleStatus. `msggen topic info` shows its fields.",
+)
+def _add_type(parser: argparse.ArgumentParser) -> Run:
     add_topic(parser)
     add_link(parser)
+    return _print_type
 
 
-def _add_find(actions: Commands) -> None:
-    parser = add_command(
-        actions,
-        "find",
-        _find,
-        help="list the topics with a message",
-        description="List the topics of the vehicle with a message, such as VehicleCommand, or "
-        "px4_msgs/msg/VehicleCommand.",
-    )
-    parser.add_argument("message_type", metavar="MESSAGE", type=non_empty, help="the message: VehicleCommand")
+@new_command(
+    "find",
+    "list the topics with a message",
+    "List the topics of the vehicle with a message, such as VehicleCommand, or px4_msgs/msg/VehicleCommand.",
+)
+def _add_find(parser: argparse.ArgumentParser) -> Run:
+    add_value(parser, "message_type", "MESSAGE", non_empty, "the message: VehicleCommand")
     add_link(parser)
+    return _find
 
 
-def _list(options: argparse.Namespace) -> int:
+def _list(options: argparse.Namespace) -> None:
     from msggen.messages.lookup import all_topics
 
     with connection(options) as found:
@@ -103,7 +92,6 @@ def _list(options: argparse.Namespace) -> int:
         else:
             for row in rows:
                 print(f"{row.topic.name} [{_type(row.topic)}]" if options.show_types else row.topic.name)
-    return DONE
 
 
 def _flows(options: argparse.Namespace, found: Connection) -> dict[str, Flow]:
@@ -176,23 +164,21 @@ def _bandwidth(row: _Row) -> str:
     return f"{number_of_bytes(row.flow.bandwidth)}/s" if row.flow and not _state(row) else ""
 
 
-def _print_type(options: argparse.Namespace) -> int:
+def _print_type(options: argparse.Namespace) -> None:
     with connection(options, names_check(options, [options.topic]), needs_types=False) as found:
         topic = topic_of(options, options.topic, found, "out")
         print(_type(topic))
         if topic.route is None:
             print(f"the vehicle does not have {topic.name}", file=sys.stderr)
-    return DONE
 
 
-def _find(options: argparse.Namespace) -> int:
+def _find(options: argparse.Namespace) -> None:
     with connection(options, lambda package: _message_type(options, package), needs_types=False) as found:
         ros_type = _ros_type(options, found)
         names = sorted(route.name for route in found.vehicle.routes if route.ros_type == ros_type)
         print(*names, sep="\n", end="\n" if names else "")
         if not names:
             print(f"no topic of the vehicle has the message {ros_type}", file=sys.stderr)
-    return DONE
 
 
 def _ros_type(options: argparse.Namespace, found: Connection) -> str:

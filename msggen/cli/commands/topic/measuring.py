@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
 from msggen.cli.commands.topic.naming import add_topics, heard, names_check
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.options import ENDED_CODES, Commands, Run, add_shared, new_command
 from msggen.cli.printing import finite, number_of_bytes
 from msggen.cli.table import YELLOW, Column, print_table
 from msggen.cli.watching import add_limits, add_window, rounds, watching
@@ -22,41 +22,18 @@ from msggen.show.report.json import dump
 if TYPE_CHECKING:
     from msggen.link.link import Route
     from msggen.messages.packages import Message
-    from msggen.vehicle.watch import Direction, Watcher
+    from msggen.vehicle.watch import Direction
 
 _PERIOD = 1.0
-_CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
 _NOT_IN_SYNC = "not in sync"
 _NO_RATE = "one sample"
 _SILENT = "silent"
 
 
-class _Measure(ABC):
-    """What an action measures, and how it says so."""
+class _Rates:
+    """What an action measures, and how it says so: `rows` for JSON, `cells` for a table, and `lines` of one topic."""
 
-    heads: ClassVar[Sequence[str]]
-    """The heads of the table about several topics."""
-    watcher: Watcher
-
-    @abstractmethod
-    def __init__(self, options: argparse.Namespace, found: Connection) -> None:
-        """Begin to measure."""
-
-    @abstractmethod
-    def rows(self, now: int) -> list[dict[str, Any]]:
-        """Return an object for each topic that was heard, for JSON. `now` is of `time.time_ns`."""
-
-    @abstractmethod
-    def cells(self, row: dict[str, Any]) -> list[str]:
-        """Return a row of the table."""
-
-    @abstractmethod
-    def lines(self, row: dict[str, Any]) -> str:
-        """Return the report on a single topic, as ROS 2 prints it."""
-
-
-class _Rates(_Measure):
-    heads = ("topic", "rate", "min", "max", "std dev", "window")
+    heads: ClassVar[Sequence[str]] = ("topic", "rate", "min", "max", "std dev", "window")
     values: ClassVar[Mapping[str, str]] = {
         "rate": "rate",
         "min": "shortest",
@@ -72,6 +49,7 @@ class _Rates(_Measure):
         self.watcher = self._meter = Meter(options.window)
 
     def rows(self, now: int) -> list[dict[str, Any]]:
+        """Return an object for each topic that was heard. `now` is of `time.time_ns`."""
         return [
             {"topic": each.route.name, **{key: finite(getattr(each, name)) for key, name in self.values.items()}}
             for each in self._meter.flows(now)
@@ -113,8 +91,8 @@ class _Bandwidths(_Rates):
         return f"{number_of_bytes(row['bandwidth'])}/s from {row['window']} messages\n\tMessage size {sizes}"
 
 
-class _Delays(_Measure):
-    heads = ("topic", "field", "delay", "min", "max", "std dev", "window")
+class _Delays:
+    heads: ClassVar[Sequence[str]] = ("topic", "field", "delay", "min", "max", "std dev", "window")
 
     def __init__(self, options: argparse.Namespace, found: Connection) -> None:
         from msggen.messages.lookup import endpoint_at
@@ -153,6 +131,9 @@ class _Delays(_Measure):
         return f"average delay{of}: {row['delay']:.4f}\n{_spread(row, 4)}"
 
 
+_Measure: TypeAlias = _Rates | _Delays
+
+
 def _without_rate(measure: _Measure, row: dict[str, Any]) -> list[str]:
     """Return the cells of a topic that was heard only once."""
     return [row["topic"], _NO_RATE, *[""] * (len(measure.heads) - 3), str(row["window"])]
@@ -163,42 +144,47 @@ def _spread(row: dict[str, Any], digits: int) -> str:
     return f"\t{shown} window: {row['window']}"
 
 
-def add_to(actions: Commands) -> None:
-    """Add the actions to `msggen topic`."""
-    _add(
-        actions,
+_ACTIONS: tuple[tuple[str, type[_Measure], str, str], ...] = (
+    (
         "hz",
         _Rates,
-        help="measure how often topics are published",
-        description="Measure the rate of topics, and the time between two samples.",
-    )
-    _add(
-        actions,
+        "measure how often topics are published",
+        "Measure the rate of topics, and the time between two samples.",
+    ),
+    (
         "bw",
         _Bandwidths,
-        help="measure the bandwidth of topics",
-        description="Measure the bandwidth of topics, and the size of their samples.",
-    )
-    _add(
-        actions,
+        "measure the bandwidth of topics",
+        "Measure the bandwidth of topics, and the size of their samples.",
+    ),
+    (
         "delay",
         _Delays,
-        help="measure how old samples are when they arrive",
-        description="Measure the time from the `timestamp` in samples, and their `timestamp_sample`, to their arrival. "
-        "PX4 converts both to the time of this computer.",
-    )
+        "measure how old samples are when they arrive",
+        (
+            "Measure the time from the `timestamp` in samples, and their `timestamp_sample`, to their arrival. "
+            "PX4 converts both to the time of this computer."
+        ),
+    ),
+)
 
 
-def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) -> None:
-    parser = add_command(actions, name, lambda options: _measure(options, measure), epilog=_CODES, **about)
+def add_to(actions: Commands) -> None:
+    """Add the actions to `msggen topic`."""
+    for name, measure, summary, description in _ACTIONS:
+        new_command(name, summary, description, epilog=ENDED_CODES)(partial(_add, measure))(actions)
+
+
+def _add(measure: type[_Measure], parser: argparse.ArgumentParser) -> Run:
     add_topics(parser)
     add_window(parser)
     add_limits(parser)
     add_shared(parser, "--json")
     add_link(parser)
+    return partial(_measure, measure)
 
 
-def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
+def _measure(kind: type[_Measure], options: argparse.Namespace) -> int:
     with connection(options, names_check(options, options.topics), needs_types=False) as found:
         topics = heard(options, found, options.topics)
         names = [topic.name for topic in topics]
@@ -210,7 +196,7 @@ def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
 
         direction: Direction = "both" if any(topic.direction == "in" for topic in topics) else "out"
         with found.vehicle.watch(watch, direction), watching():
-            for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD), 1):
+            for number, _ in enumerate(rounds(options.seconds, found.vehicle, _PERIOD), 1):
                 if number > 1 and len(names) != 1 and not options.json:
                     print()
                 _report(options, measure, names)

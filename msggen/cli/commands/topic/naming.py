@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from msggen.cli.link import Check, Connection
-from msggen.cli.options import refuse
+from msggen.cli.link import Check, Connection, for_people
+from msggen.cli.options import add_value, refuse
 from msggen.cli.values import non_empty
 
 if TYPE_CHECKING:
@@ -23,18 +24,12 @@ SPELLINGS_IN = "any spelling will do: trajectory_setpoint, /fmu/in/trajectory_se
 
 def add_topic(parser: argparse.ArgumentParser, spellings: str = SPELLINGS) -> None:
     """Add the argument TOPIC."""
-    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help=f"the topic; {spellings}")
+    add_value(parser, "topic", "TOPIC", non_empty, f"the topic; {spellings}")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:
     """Add the argument TOPIC, which can be given several times or not at all."""
-    parser.add_argument(
-        "topics",
-        metavar="TOPIC",
-        nargs="*",
-        type=non_empty,
-        help=f"topics that PX4 publishes (default: all); {SPELLINGS}",
-    )
+    add_value(parser, "topics", "TOPIC", non_empty, f"topics that PX4 publishes (default: all); {SPELLINGS}", nargs="*")
 
 
 def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way) -> Named:
@@ -42,10 +37,17 @@ def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way
     return named(options, text, way, found.package, found.vehicle.routes)
 
 
-def named(options: argparse.Namespace, text: str, way: Way, package: ModuleType, routes: Sequence[Route] = ()) -> Named:
+def named(  # noqa: PLR0913, PLR0917 - all but two have defaults
+    options: argparse.Namespace,
+    text: str,
+    way: Way,
+    package: ModuleType,
+    routes: Sequence[Route] = (),
+    argument: str = "TOPIC",
+) -> Named:
     """Return the topic that the user names, one of the direction `way` if there are several.
 
-    Raises WrongArgumentError for a name that neither the package nor the routes have.
+    Raises WrongArgumentError about `argument` for a name that neither the package nor the routes have.
     """
     from msggen.link.link import TopicError
     from msggen.messages.lookup import named_topic
@@ -53,7 +55,7 @@ def named(options: argparse.Namespace, text: str, way: Way, package: ModuleType,
     try:
         return named_topic(text, way, package, routes)
     except TopicError as error:
-        refuse(options, f"argument TOPIC: {error}")
+        refuse(options, f"argument {argument}: {error}")
 
 
 def names_check(options: argparse.Namespace, texts: Sequence[str]) -> Check:
@@ -66,12 +68,30 @@ def heard(options: argparse.Namespace, found: Connection, texts: Sequence[str]) 
 
     Raises WrongArgumentError for a wrong name.
     """
-    topics = [topic_of(options, text, found, "out") for text in texts]
+    topics = dict.fromkeys(topic_of(options, text, found, "out") for text in texts)
+    check_heard(options, found, topics)
+    return list(topics)
+
+
+def check_heard(
+    options: argparse.Namespace, found: Connection, topics: Iterable[Named], argument: str = "TOPIC"
+) -> None:
+    """Raise WrongArgumentError about `argument` for a topic that PX4 reads, if programs are not heard on the link."""
     for topic in topics:
         if topic.direction == "in" and not found.vehicle.is_shared:
             text = f"PX4 reads '{topic.name}', and does not publish it: {not_shared(found.link)}"
-            refuse(options, f"argument TOPIC: {text}")
-    return list(dict.fromkeys(topics))
+            refuse(options, f"argument {argument}: {text}")
+
+
+@contextmanager
+def format_errors(options: argparse.Namespace, argument: str = "TOPIC") -> Iterator[None]:
+    """Raise WrongArgumentError about `argument` for types that are not the vehicle's."""
+    from msggen.link.link import FormatError, TopicError
+
+    try:
+        yield
+    except (FormatError, TopicError) as error:
+        refuse(options, f"argument {argument}: {for_people(FormatError(str(error)))}")
 
 
 def not_shared(link: str) -> str:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 from msggen.base.diagnostics import few
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
-from msggen.cli.commands.topic.naming import not_shared
+from msggen.cli.commands.topic.naming import check_heard, format_errors, named
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_shared, add_value, new_command, refuse
 from msggen.cli.packages import needing
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
 from msggen.cli.screen import can_draw, held_warnings
@@ -41,30 +41,24 @@ _SIZE = 80, 24
 """The columns and lines of a plot that is printed where there is no terminal."""
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "plot",
-        _plot,
-        help="plot fields over time in the terminal, and to a file",
-        description="Plot fields over time in the terminal as their samples arrive: those of one unit share a panel, "
-        "and values with names are bands. Space pauses; q or Ctrl-C ends it. Into a pipe, the plot is printed once, "
-        "after the time of --for, or else of --window.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no samples of a field, {FAILED_CODES}",
-    )
-    parser.add_argument(
-        "fields",
-        metavar="FIELD",
-        nargs="+",
-        type=non_empty,
-        help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]; or a topic, with --field",
-    )
+@new_command(
+    "plot",
+    "plot fields over time in the terminal, and to a file",
+    "Plot fields over time in the terminal as their samples arrive: those of one unit share a panel, "
+    "and values with names are bands. Space pauses; q or Ctrl-C ends it. Into a pipe, the plot is printed once, "
+    "after the time of --for, or else of --window.",
+    epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no samples of a field, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
+    text = "vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]; or a topic, with --field"
+    add_value(parser, "fields", "FIELD", non_empty, text, nargs="+")
     add_shared(parser, "--field")
     add_picture(parser, "none; at the end, the plot of the last --window")
     add_window(parser, "plot", 30.0)
     add_shared(parser, "--for", "-q, --quiet")
     add_link(parser)
+    return _plot
 
 
 class _Field(NamedTuple):
@@ -80,14 +74,15 @@ def _plot(options: argparse.Namespace) -> int:
     paths = _paths(options)
     with connection(options, lambda package: _found(options, paths, package)) as found:
         fields = _found(options, paths, found.package, found.vehicle.routes)
-        _check_heard(options, found, fields)
+        check_heard(options, found, [field.topic for field in fields], "FIELD")
         curves = _Curves(options, found, fields)
         is_drawn = can_draw()
         with watching():
             if is_drawn:
                 _run(options, found, curves)
             else:
-                _wait(options, found, curves)
+                for _ in rounds(options.seconds or options.window, found.vehicle, _PERIOD):
+                    curves.take()
         return _finish(options, curves.plot(), is_drawn=is_drawn)
 
 
@@ -131,28 +126,19 @@ def _found(
     options: argparse.Namespace, paths: Sequence[FieldPath], package: ModuleType, routes: Sequence[Route] = ()
 ) -> list[_Field]:
     """Return the fields that a package and a vehicle have. A wrong one ends the process."""
-    from msggen.link.link import TopicError
-    from msggen.messages.lookup import named_topic
     from msggen.messages.places import PlaceError
     from msggen.show.plot.fields import numbers_of
 
     found = []
     for path in paths:
+        topic = named(options, path.topic, "out", package, routes, "FIELD")
+        if topic.message is None:
+            _refuse(options, f"the types do not have '{topic.name}': name those of the firmware with --px4")
         try:
-            topic = named_topic(path.topic, "out", package, routes)
-            if topic.message is None:
-                _refuse(options, f"the types do not have '{topic.name}': name those of the firmware with --px4")
             found.append(_Field(path, topic, numbers_of(topic.message, path)))
-        except (TopicError, PlaceError) as error:
+        except PlaceError as error:
             _refuse(options, error)
     return found
-
-
-def _check_heard(options: argparse.Namespace, found: Connection, fields: Sequence[_Field]) -> None:
-    for field in fields:
-        if field.topic.direction == "in" and not found.vehicle.is_shared:
-            text = f"PX4 reads '{field.topic.name}', and does not publish it: {not_shared(found.link)}"
-            _refuse(options, text)
 
 
 class _Curves:
@@ -171,45 +157,20 @@ class _Curves:
             by_topic.setdefault(field.topic.name, {}).update(numbers)
         self._labels = {name: list(numbers) for name, numbers in by_topic.items()}
         self._samples: dict[str, tuple[Subscription[Any], Samples]] = {}
-        for name, numbers in by_topic.items():
-            self._samples[name] = self._subscribed(found, name), Samples(numbers, options.window)
-        self._add_last()
-
-    def _subscribed(self, found: Connection, name: str) -> Subscription[Any]:
-        from msggen.link.link import TopicError
-
-        try:
-            return found.vehicle.subscribe(name, queue=_QUEUE)
-        except TopicError as error:
-            self._refuse_types(error)
-
-    def _refuse_types(self, error: Exception) -> NoReturn:
-        """Report types that are not the vehicle's. The end of the error is a cure for programs."""
-        how = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
-        _refuse(self._options, f"{str(error).rpartition(': ')[0]}: {how}")
-
-    def _add_last(self) -> None:
-        """Add the last message from before the command, which tells a state that changes seldom."""
-        from msggen.link.link import FormatError
-
-        try:
-            for subscription, samples in self._samples.values():
-                last = subscription.last()
+        with format_errors(options, "FIELD"):
+            for name, numbers in by_topic.items():
+                subscription, samples = found.vehicle.subscribe(name, queue=_QUEUE), Samples(numbers, options.window)
+                self._samples[name] = subscription, samples
+                last = subscription.last()  # from before the command, which tells a state that changes seldom
                 if last is not None:
                     samples.add((last[1] - self._start) / 1e9, last[0])
-        except FormatError as error:
-            self._refuse_types(error)
 
     def take(self) -> None:
         """Add what has arrived. Raises LinkError. A vehicle of another definition ends the process."""
-        from msggen.link.link import FormatError
-
-        try:
+        with format_errors(self._options, "FIELD"):
             for subscription, samples in self._samples.values():
                 for message, arrival in subscription.arrived():
                     samples.add((arrival - self._start) / 1e9, message)
-        except FormatError as error:
-            self._refuse_types(error)
 
     def plot(self) -> Plot:
         """Return what to draw now."""
@@ -236,7 +197,7 @@ def _run(options: argparse.Namespace, found: Connection, curves: _Curves) -> Non
     from msggen.show.top.terminal import Terminal
 
     console, plot, is_paused = Console(), curves.plot(), False
-    end = time.monotonic() + (getattr(options, "for") or math.inf)
+    end = time.monotonic() + (options.seconds or math.inf)
     with held_warnings() as notices, Terminal() as terminal:
         while time.monotonic() < end:
             begin = time.monotonic()
@@ -282,13 +243,6 @@ def _screen(head: Sequence[Text], plot: Plot, width: int, height: int, *, is_pau
     for line in (*head, keys):
         line.truncate(width, overflow="ellipsis")
     return lines[-height:]
-
-
-def _wait(options: argparse.Namespace, found: Connection, curves: _Curves) -> None:
-    """Take samples for the time of the options."""
-    seconds = getattr(options, "for") or options.window
-    for _ in rounds(argparse.Namespace(**{"for": seconds}), found.vehicle, _PERIOD):
-        curves.take()
 
 
 def _finish(options: argparse.Namespace, plot: Plot, *, is_drawn: bool) -> int:

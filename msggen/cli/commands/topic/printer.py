@@ -114,15 +114,12 @@ class Printer:
         condition, write = self._made.get(cls) or self.prepare(cls)
         if condition is None or condition(message):
             if self._options.csv and not self._printed:
-                self._print_header(cls)
+                from msggen.messages.formats import csv_header
+
+                print(csv_header(cls, self._paths(cls)))
             print(write(message))
             self._printed += 1
             self._last = arrival
-
-    def _print_header(self, cls: type[Any]) -> None:
-        from msggen.messages.formats import csv_header
-
-        print(csv_header(cls, self._paths(cls)))
 
     def summary(self, samples: Subscription[Any]) -> list[str]:
         """Return what to say at the end."""

@@ -11,11 +11,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted
-from msggen.base.exit_codes import DONE
 from msggen.cli.commands.topic.naming import SPELLINGS_IN, add_topic, named
 from msggen.cli.link import add_link, connection
 from msggen.cli.message import Values, add_values, read_values, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.options import FAILED_CODES, Run, add_flag, add_shared, add_value, new_command, refuse
 from msggen.cli.values import Deferred, positive
 from msggen.cli.watching import add_limits, watching
 
@@ -28,29 +27,28 @@ _RATE = 1.0
 _FASTEST = 1e4
 
 
-def add_to(actions: Commands) -> None:
-    """Add the action to `msggen topic`."""
-    parser = add_command(
-        actions,
-        "pub",
-        _pub,
-        help="publish to a topic that the vehicle reads",
-        description="Publish a message to a topic that the vehicle reads, once or at a rate until Ctrl-C. The values "
-        "are YAML, checked against the definition of the message: fields without a value are zero, numbers can be "
-        "names of enum members, as in 'landing_gear: DOWN'.",
-        epilog="Example: `msggen topic pub --once trajectory_setpoint '{position: [0, 0, -5]}'`. "
-        f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
-    )
+@new_command(
+    "pub",
+    "publish to a topic that the vehicle reads",
+    "Publish a message to a topic that the vehicle reads, once or at a rate until Ctrl-C. The values "
+    "are YAML, checked against the definition of the message: fields without a value are zero, numbers can be "
+    "names of enum members, as in 'landing_gear: DOWN'.",
+    epilog="Example: `msggen topic pub --once trajectory_setpoint '{position: [0, 0, -5]}'`. "
+    f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+)
+def add_to(parser: argparse.ArgumentParser) -> Run:
+    """Add the arguments of the command."""
     add_topic(parser, SPELLINGS_IN)
     add_values(parser)
-    parser.add_argument("-r", "--rate", metavar="HZ", type=_rate, help=f"messages a second (default: {_RATE:g})")
-    parser.add_argument("-1", "--once", action="store_true", help="end after the first message")
+    add_value(parser, "-r, --rate", "HZ", _rate, f"messages a second (default: {_RATE:g})")
+    add_flag(parser, "-1, --once", "end after the first message")
     add_limits(parser)
     add_shared(parser, "-q, --quiet")
     add_link(parser)
+    return _pub
 
 
-def _pub(options: argparse.Namespace) -> int:
+def _pub(options: argparse.Namespace) -> None:
     if options.once and options.count:
         refuse(options, "argument --once: not allowed with argument -n/--count")
     values = read_values(options)
@@ -60,7 +58,6 @@ def _pub(options: argparse.Namespace) -> int:
             _message(options, values, topic)  # errors are told before the vehicle has told its definition
         message = _message(options, values, settle(found, topic))
         _repeat(lambda: found.vehicle.publish(message, topic.name), message, options)
-    return DONE
 
 
 @Deferred
@@ -93,7 +90,7 @@ def _repeat(publish: Callable[[], None], message: Message, options: argparse.Nam
 
     number, most = 0, 1 if options.once else options.count
     start = due = time.monotonic()
-    end = start + (getattr(options, "for") or math.inf)
+    end = start + (options.seconds or math.inf)
     with watching():
         while number != most and due < end:
             time.sleep(max(0.0, due - time.monotonic()))

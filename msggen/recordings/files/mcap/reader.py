@@ -16,8 +16,16 @@ from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap.channels import Described
 from msggen.recordings.files.mcap.checksums import Checks
-from msggen.recordings.files.mcap.chunks import Loaded, Loader, ahead, limited, records_of
-from msggen.recordings.files.mcap.fetched import fetch_heads, fetch_indexes, in_steps
+from msggen.recordings.files.mcap.chunks import (
+    Loaded,
+    Loader,
+    ahead,
+    fetch_heads,
+    fetch_indexes,
+    in_steps,
+    limited,
+    records_of,
+)
 from msggen.recordings.files.mcap.layouts import MAGIC
 from msggen.recordings.files.mcap.messages import Index, between, indexed, searched
 from msggen.recordings.files.mcap.metadata import facts_of, notes_of

@@ -6,7 +6,7 @@ import struct
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.files.mcap.checksums import crc32
-from msggen.recordings.files.mcap.fetched import fetch_heads
+from msggen.recordings.files.mcap.chunks import fetch_heads
 from msggen.recordings.files.mcap.layouts import ENTRY, FRONT, INDEX_FRONT, MAGIC
 from msggen.recordings.files.mcap.records import (
     ATTACHMENT,

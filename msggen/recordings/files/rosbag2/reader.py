@@ -13,7 +13,7 @@ from msggen.recordings.files.compression import Room
 from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap.channels import definition_in, ros_type_of, type_hash_in
-from msggen.recordings.files.rosbag2.sqlite import ERRORS, Column, Messages, Statements, columns_of, has_log, settle
+from msggen.recordings.files.rosbag2.sqlite import ERRORS, Column, Statements, columns_of, has_log, settle
 from msggen.recordings.files.rosbag2.sqlite_pages import Pages, Rows, is_integer, sizes_of
 from msggen.recordings.source.gather import groups
 from msggen.recordings.source.source import FOREVER, Channel, Part, Problem, RecordingError, Source
@@ -29,7 +29,6 @@ _TIMES = ("timestamp", "recv_timestamp")
 """The names of the column of log times."""
 _SENT = "send_timestamp"
 _LARGEST = (1 << 63) - 1
-_UNKNOWN = "messages of topics that the table 'topics' does not have"
 
 
 class _Table(NamedTuple):
@@ -60,22 +59,11 @@ class _Found(NamedTuple):
 
 
 class Db3File(Source):
-    """A file. Raises RecordingError if it is not one of rosbag2, and OSError.
-
-    `by_statements` forces SQL queries; otherwise only tables with an unusual layout are queried.
-    """
+    """A file. Raises RecordingError if it is not one of rosbag2, and OSError."""
 
     kind = "db3"
 
-    def __init__(
-        self,
-        path: str,
-        room: Room | None = None,
-        _: object = None,
-        *,
-        is_by_sample: bool = False,
-        by_statements: bool = False,
-    ) -> None:
+    def __init__(self, path: str, room: Room | None = None, _: object = None, *, is_by_sample: bool = False) -> None:
         super().__init__(path)
         self._reported: set[Problem] = set()
         self._frames = Frames(room or Room(os.path.getsize(path)), self.problems, is_by_sample=is_by_sample)
@@ -94,8 +82,6 @@ class Db3File(Source):
         except RecordingError as error:
             self.close()
             raise RecordingError(f"{path} is {error}") from None
-        columns = self._tables["messages"].columns
-        self._by_statements = by_statements or columns is None or not _is_plain(columns)
         self._known = np.array(sorted(self._channels), np.int64)
         self._find_span()
 
@@ -141,9 +127,6 @@ class Db3File(Source):
     def _stored(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
         """Yield the samples of channels as they are in the file."""
         low = start if start > 0 else -FOREVER
-        if self._by_statements:
-            yield from self._parts_of_statements(channels, low, stop)
-            return
         is_wanted = np.isin(self._known, list(channels))
         for found in self._found(low, stop):
             is_chosen = is_wanted[found.which]
@@ -176,28 +159,22 @@ class Db3File(Source):
     def _all_times(self) -> Mapping[int, NDArray[np.int64]]:
         """Return the times of all channels: no index has them by topic."""
         found: dict[int, list[NDArray[np.int64]]] = defaultdict(list)
-        if self._by_statements:
-            for part in self._parts_of_statements(self._channels, -FOREVER, FOREVER):
-                found[part.channel].append(part.log_times)
-        else:
-            for each in self._found(-FOREVER, FOREVER):
-                for number, indices in groups(each.which):
-                    found[int(self._known[number])].append(each.times[indices])
+        for each in self._found(-FOREVER, FOREVER):
+            for number, indices in groups(each.which):
+                found[int(self._known[number])].append(each.times[indices])
         return {number: np.concatenate(times) for number, times in found.items()}
 
     # rows
 
     def _found(self, start: int, stop: int) -> Iterator[_Found]:
         """Yield the rows of `messages` of known topics, with those of a time among them."""
-        columns = self._tables["messages"].columns
-        assert columns is not None  # noqa: S101 - statements read the others
-        names = [column.name for column in columns]
+        names = [column.name for column in self._tables["messages"].columns or ()]
         low, high = self._ids_between(start, stop)
         count = 0
         for batch in self._pages.rows(self._tables["messages"].root, low, high):
             rows = batch
             count += len(rows.ids)
-            kinds, places, is_sane = self._pages.columns(rows, len(columns))
+            kinds, places, is_sane = self._pages.columns(rows, len(names))
             numbers = [names.index(name) for name in ("topic_id", self._time, _SENT) if name in names]
             data = names.index("data")
             is_sane &= (kinds[data] >= 12) & (places[data] - rows.starts <= rows.inside)  # noqa: PLR2004 - a blob
@@ -220,36 +197,6 @@ class Db3File(Source):
                 return self._statements.ids_between(self._time, start, stop)
         return -_LARGEST - 1, _LARGEST
 
-    def _parts_of_statements(self, wanted: Collection[int], start: int, stop: int) -> Iterator[Part]:
-        """Yield the messages of channels, read through sqlite3."""
-        low, high = self._ids_between(start, stop)
-        count = 0
-        try:
-            for batch in self._statements.batches(self._time, _SENT if self._has_sent else "", low, high):
-                if isinstance(batch, int):
-                    self._report("rows are damaged", samples=batch)
-                    continue
-                count += sum(len(messages.times) for messages in batch.values())
-                unknown = sum(len(batch[topic].times) for topic in batch.keys() - self._channels.keys())
-                if unknown:
-                    self._report(_UNKNOWN, samples=unknown)
-                for number in sorted(batch.keys() & self._channels.keys() & {*wanted}):
-                    part = self._part(number, batch[number], start, stop)
-                    if len(part.sizes):
-                        yield part
-        except ERRORS as error:
-            self._report(f"sqlite3 cannot read further: {error}")
-        if (start, stop) == (-FOREVER, FOREVER):
-            self._check_count(count)
-
-    def _part(self, number: int, messages: Messages, start: int, stop: int) -> Part:
-        """Return the messages of a channel and of a time as a part."""
-        times, sizes = np.array(messages.times, np.int64), messages.sizes
-        chosen = np.flatnonzero((times >= start) & (times < stop))
-        starts, buffer = np.cumsum(sizes) - sizes, np.frombuffer(b"".join(messages.payloads), np.uint8)
-        published = np.array(messages.published, np.int64)[chosen] if self._has_sent else None
-        return Part(number, buffer, starts[chosen], sizes[chosen], times[chosen], published)
-
     def _check_count(self, count: int) -> None:
         """Report if the index has another number of messages than the table, unless a reason was reported."""
         if self.problems:
@@ -271,7 +218,8 @@ class Db3File(Source):
             which = np.minimum(np.searchsorted(self._known, topics), len(self._known) - 1)
             is_known = self._known[which] == topics
         if not is_known.all():
-            self._report(_UNKNOWN, samples=int((~is_known).sum()))
+            text = "messages of topics that the table 'topics' does not have"
+            self._report(text, samples=int((~is_known).sum()))
         return which.astype(np.uint16) if is_few else which, is_known
 
     # what there is
@@ -295,9 +243,9 @@ class Db3File(Source):
         if not {"topics", "messages"} <= self._tables.keys():
             raise RecordingError("a database without the tables 'topics' and 'messages' of rosbag2")
         columns = self._tables["messages"].columns
-        names = [column.name for column in columns or ()]
-        self._time = next((name for name in _TIMES if name in names), _TIMES[0])
-        self._has_sent = _SENT in names
+        if columns is None or not _is_plain(columns):
+            raise RecordingError("a database with an unusual table 'messages'")
+        self._time = next(column.name for column in columns if column.name in _TIMES)
 
     def _rows_of(self, name: str) -> list[dict[str, object]]:
         """Return the rows of a small table, none if there is no such table. Raises RecordingError."""

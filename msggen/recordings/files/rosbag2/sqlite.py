@@ -1,4 +1,4 @@
-"""Databases of rosbag2 through sqlite3: what is unusual about their tables, and their indexes."""
+"""Databases of rosbag2 through sqlite3: their indexes, the columns of their tables, and logs of transactions."""
 
 from __future__ import annotations
 
@@ -7,24 +7,15 @@ import re
 import shutil
 import sqlite3
 import tempfile
-from collections import defaultdict
-from contextlib import closing, contextmanager
+from contextlib import closing
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
-
-import numpy as np
 
 from msggen.recordings.files.paths import LOGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-_BATCH = 8 << 20
-"""The bytes of rows that are read at a time."""
-_ROWS = 1 << 16
-"""The rows that are read at a time."""
 _LEAST_LENGTH = 1 << 20
 """The bytes that a value or a statement of the schema can always have. Larger ones have up to the size of the file."""
 _STEPS = 10_000
@@ -39,30 +30,6 @@ ERRORS = (sqlite3.Error, UnicodeDecodeError, OverflowError)
 """The errors of sqlite3 for a damaged database. Their messages can have names that are not UTF-8."""
 
 
-class Messages(NamedTuple):
-    """Rows of the table `messages` of one topic."""
-
-    times: list[int]
-    published: list[int]
-    payloads: list[bytes]
-
-    @property
-    def sizes(self) -> NDArray[np.int64]:
-        """The sizes of the payloads in bytes."""
-        return np.fromiter(map(len, self.payloads), np.int64, len(self.payloads))
-
-
-class _Base(sqlite3.Connection):
-    """A connection whose errors of damaged databases are ERRORS."""
-
-    def execute(self, statement: str, values: Any = ()) -> sqlite3.Cursor:
-        """Execute a statement, which reads the schema first. Raises ERRORS."""
-        try:
-            return super().execute(statement, values)
-        except MemoryError:  # that is what sqlite3 says of some schemas, however much memory there is
-            raise sqlite3.DatabaseError("the schema cannot be read") from None
-
-
 class Statements:
     """A database that is read by statements, and not changed: no lock, no file beside it."""
 
@@ -70,31 +37,22 @@ class Statements:
         self._size = os.path.getsize(path)
         self._address = f"file:{quote(os.fsencode(os.path.abspath(path)))}?immutable=1&mode=ro"
 
-    @contextmanager
-    def _opened(self) -> Iterator[sqlite3.Connection]:
-        """Open the database for a statement: a connection has a descriptor, of which a process may have few."""
-        with closing(sqlite3.connect(self._address, uri=True, check_same_thread=False, factory=_Base)) as base:
-            base.text_factory = bytes
-            self._limit(base)
-            yield base
-
-    def _limit(self, base: sqlite3.Connection) -> None:
-        """Limit what a statement takes: a schema of strangers can compute values, and queries without end.
-
-        Raises ERRORS.
-        """
-        base.execute("PRAGMA trusted_schema = OFF").fetchall()
-        if hasattr(base, "setlimit"):  # Python 3.11
-            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(self._size, _LEAST_LENGTH))
-        steps = iter(range(_LEAST_STEPS // _STEPS + self._size * _STEPS_PER_BYTE // _STEPS))
-        base.set_progress_handler(lambda: next(steps, None) is None, _STEPS)
-        computed = [name for _, name, *_, hidden in base.execute("PRAGMA table_xinfo(messages)") if hidden]
-        if computed:
-            raise sqlite3.DatabaseError(f"the column {computed[0].decode(errors='replace')!r} of messages is computed")
-
     def _rows_of(self, query: str, values: Sequence[int] = ()) -> list[Any]:
-        with self._opened() as base:
-            return base.execute(query, values).fetchall()
+        """Return the rows of a statement, which has a connection of its own: a process may have few descriptors.
+
+        What it takes is limited: a schema of strangers can have queries without end. Raises ERRORS.
+        """
+        with closing(sqlite3.connect(self._address, uri=True, check_same_thread=False)) as base:
+            base.text_factory = bytes
+            if hasattr(base, "setlimit"):  # Python 3.11
+                base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(self._size, _LEAST_LENGTH))
+            steps = iter(range(_LEAST_STEPS // _STEPS + self._size * _STEPS_PER_BYTE // _STEPS))
+            base.set_progress_handler(lambda: next(steps, None) is None, _STEPS)
+            try:
+                base.execute("PRAGMA trusted_schema = OFF").fetchall()
+                return base.execute(query, values).fetchall()
+            except MemoryError:  # that is what sqlite3 says of some schemas, however much memory there is
+                raise sqlite3.DatabaseError("the schema cannot be read") from None
 
     def span(self, time: str) -> tuple[int, int] | None:
         """Return the least and the largest time of `messages`, None if it has no rows. Raises ERRORS."""
@@ -114,36 +72,6 @@ class Statements:
     def count(self) -> int:
         """Return the number of messages. Raises ERRORS."""
         return int(self._rows_of("SELECT count(*) FROM messages")[0][0])
-
-    def batches(self, time: str, sent: str, low: int, high: int) -> Iterator[Mapping[int, Messages] | int]:
-        """Yield the messages with rowids in a range by topic, and how many have other values than they should.
-
-        `sent` is the column of publish times, "" without. Raises ERRORS.
-        """
-        query = (
-            f"SELECT topic_id, {time}, data, {sent or 0} FROM messages "  # noqa: S608 - known columns
-            "WHERE rowid BETWEEN ? AND ? ORDER BY rowid"
-        )
-        found: defaultdict[int, Messages] = defaultdict(lambda: Messages([], [], []))
-        size, rest, bad = 0, self._size, 0
-        with self._opened() as base:
-            for row, (topic, stamp, data, published) in enumerate(base.execute(query, (low, high)), 1):
-                if not (type(topic) is type(stamp) is type(published) is int and type(data) is bytes):
-                    bad += 1
-                    continue
-                messages = found[topic]
-                messages.times.append(stamp)
-                messages.published.append(published)
-                messages.payloads.append(data)
-                size += len(data)
-                if size > rest:
-                    raise sqlite3.DatabaseError("the messages have more bytes than the file")
-                if size >= _BATCH or not row % _ROWS:
-                    yield found
-                    found, rest, size = defaultdict(found.default_factory), rest - size, 0
-        yield found
-        if bad:
-            yield bad
 
 
 class Column(NamedTuple):

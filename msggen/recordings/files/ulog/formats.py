@@ -48,10 +48,6 @@ _LARGEST = (1 << 16) - 1 - 2
 _DEEPEST = 32
 _LARGEST_SUM = 2 << 20
 """The most bytes of the samples and the definitions of all topics of a log. Those of PX4 have some 100 kB."""
-_LONGEST_KEPT = 4096
-"""The longest formats that are kept for other logs, with what they nest. Those of PX4 are shorter."""
-_MOST_KEPT = 512
-"""How many are kept. PX4 has some 250 topics."""
 LONGEST_RUN = 1 << 17
 """The most bytes of all formats of a log that are kept. Those of PX4 have some 20 kB."""
 _MOST_RUNS = 16
@@ -98,19 +94,10 @@ class Described(NamedTuple):
     """The offset of the time in samples, None if they have none."""
 
 
-class _Named(NamedTuple):
-    """A format with the name of its message in ROS 2."""
-
-    name: str
-    text: str
-    message: str
-
-
 class Formats:
-    """The formats of a ULog by their names. `messages` are names of messages that do not follow from the formats."""
+    """The formats of a ULog by their names."""
 
-    def __init__(self, messages: Mapping[str, str] = MESSAGES) -> None:
-        self._messages = messages
+    def __init__(self) -> None:
         self._texts: dict[str, str] = {}
         self._twins: dict[str, dict[int, set[str]]] = {}
         """The names of formats by their fields, then by their length."""
@@ -154,7 +141,7 @@ class Formats:
             self._texts = dict(self._texts)
             self._twins = {fields: {n: set(names) for n, names in own.items()} for fields, own in self._twins.items()}
             self._is_shared = False
-        self._known = {}
+        self._known, self._fields, self._blocks = {}, {}, {}
         name, _, fields = text.partition(":")
         if name in self._texts:
             self._twins[self._texts[name]][len(name)].discard(name)
@@ -165,30 +152,12 @@ class Formats:
         """Return what the format of a topic says. Other logs can have the same dtype. Raises FormatError."""
         found = self._known.get(name)
         if found is None:
-            nested = self._nested(name)
-            if not nested:
-                layout = self.layout(name)
-                return Described(self.ros_type(name), self.definition(name), layout, timestamp_of(layout))
-            found = self._known[name] = _described(nested)
-        self._count(len(found.definition) + found.layout.size + found.layout.surplus)
+            layout = self.layout(name)
+            found = Described(self.ros_type(name), self.definition(name), layout, timestamp_of(layout))
+            self._known[name] = found
+        else:
+            self._count(len(found.definition) + found.layout.size + found.layout.surplus)
         return found
-
-    def _nested(self, name: str) -> tuple[_Named, ...]:
-        """Return a format and those that it nests, none if they are long, not there, or cannot be read."""
-        names = [name]
-        found = []
-        size = 0
-        for each in names:
-            text = self._texts.get(each)
-            size += len(each) + len(text or "")
-            if text is None or size > _LONGEST_KEPT:
-                return ()
-            found.append(_Named(each, text, self._message(each)))
-            try:
-                names += [other for other in _types_in(text) if other not in names]
-            except FormatError:
-                return ()
-        return tuple(found)
 
     def layout(self, name: str) -> Layout:
         """Return the layout of the samples of a topic. Padding at their end can be missing. Raises FormatError."""
@@ -258,8 +227,8 @@ class Formats:
         The format of a topic has the name of the topic. The table knows what message it is, or another format with
         the same fields and the front of the name: actuator_controls for actuator_controls_0.
         """
-        if name in self._messages:
-            return self._messages[name]
+        if name in MESSAGES:
+            return MESSAGES[name]
         twins = self._twins.get(self._texts.get(name, ""), {})
         ends = (each.start() for each in re.finditer("_", name))
         fronts = (name[:end] for end in ends if end in twins)
@@ -329,44 +298,13 @@ def _formats_in(run: bytes) -> Formats | None:
     return found
 
 
-@lru_cache(_MOST_KEPT)
-def _described(nested: tuple[_Named, ...]) -> Described:
-    """Return what the first of some formats says. Raises FormatError."""
-    formats = Formats({each.name: each.message for each in nested})
-    for each in nested:
-        formats.add(f"{each.name}:{each.text}")
-    name = nested[0].name
-    definition, layout = formats.definition(name), formats.layout(name)
-    return Described(formats.ros_type(name), definition, layout, timestamp_of(layout))
-
-
-@lru_cache(_MOST_KEPT)
-def _types_in(text: str) -> tuple[str, ...]:
-    """Return the formats that a short format nests. Raises FormatError."""
-    return tuple(dict.fromkeys(field.type for field in parse_fields(text) if field.type not in _NUMBERS))
-
-
 def is_format(data: bytes) -> bool:
     """Whether this is the text of a whole format."""
-    return _is_short_format(data) if len(data) <= _LONGEST_KEPT else FORMAT.fullmatch(data) is not None
-
-
-@lru_cache(_MOST_KEPT)
-def _is_short_format(data: bytes) -> bool:
     return FORMAT.fullmatch(data) is not None
 
 
 def parse_fields(text: str) -> tuple[_Field, ...]:
     """Return the fields of a format: `uint64_t timestamp;esc_report[8] esc`. Raises FormatError."""
-    return _short_fields(text) if len(text) <= _LONGEST_KEPT else _fields_in(text)
-
-
-@lru_cache(_MOST_KEPT)
-def _short_fields(text: str) -> tuple[_Field, ...]:
-    return _fields_in(text)
-
-
-def _fields_in(text: str) -> tuple[_Field, ...]:
     fields = []
     for each in text.split(";"):
         if not each.strip():

@@ -1,19 +1,25 @@
-"""The reasons for failsafes that count from arming on: lost sticks, a low battery, the end of forward flight."""
+"""The reasons of arming and disarming in VehicleStatus, and those for failsafes that count from arming on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 from msggen.messages.nav_states import HOLD, MISSION, TAKEOFF, VTOL_TAKEOFF
 from msggen.sim.commander.failsafe import Action, Trigger
 from msggen.sim.commander.requirements import Senses
 
+BY_COMMAND: Final = 4
+BY_LANDING: Final = 6
+BY_INACTION: Final = 7
+BY_FAILSAFE: Final = 14
+"""COMMAND_EXTERNAL, LANDING, PREFLIGHT_INACTION and FAILSAFE."""
 _QUADCHUTES = frozenset({TAKEOFF, VTOL_TAKEOFF, HOLD, MISSION})
 """The modes in which a quad-chute is a failsafe: COM_QC_ACT 0."""
 
 
 class WhileArmed:
-    """What has changed since the vehicle was armed."""
+    """What has changed since the vehicle was armed: sticks, a low battery, the end of forward flight."""
 
     def __init__(self, parameters: Mapping[str, float]) -> None:
         self.had_sticks = False

@@ -1,4 +1,4 @@
-"""Messages of one's own that do not cross the bridge, and topics that only one of the two lists of a tree has."""
+"""The topics of the bridge: a list for px4_msgs, which has none, and what is missing from the lists of a tree."""
 
 from collections.abc import Iterator
 
@@ -8,10 +8,27 @@ from msggen.definitions.model import BridgeEntry, Catalog
 from msggen.definitions.parse.bridge import parse_bridge
 from msggen.sources.embedded import EMBEDDED, Releases, embedded_tree
 from msggen.sources.file import read_file
-from msggen.sources.tree_layout import find_bridge
+from msggen.sources.finding import Sources
+from msggen.sources.tree_layout import find_bridge, find_zenoh
 
 _NEWER = "S119"
 """The note about a firmware that is newer than the releases: its messages are not the user's own."""
+
+
+def with_borrowed_bridge(sources: Sources) -> Sources:
+    """Return sources with the lists of an embedded release, if they have none but all messages that the bridge needs.
+
+    It is that of the release whose messages differ least in their names. Others are returned as they are.
+    """
+    names = {f"{file.stem}.msg" for file in sources.messages if not file.package}
+    if sources.bridge or not names:
+        return sources
+    tree = embedded_tree(Releases().nearest(names))
+    bridge = find_bridge(tree)
+    needed = parse_bridge(read_file(bridge), bridge.path).entries if bridge else ()
+    if not all(f"{entry.message_name}.msg" in names for entry in needed):
+        return sources
+    return sources._replace(bridge=bridge, zenoh=find_zenoh(tree))
 
 
 def unbridged(catalog: Catalog) -> Iterator[Diagnostic]:

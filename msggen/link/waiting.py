@@ -1,4 +1,4 @@
-"""For how long what arrives from the network has waited on its way: its attachment tells when it was published.
+"""For how long what arrives from a network, Zenoh or DDS, has waited on its way: it tells when it was published.
 
 Programs of msggen tell times of `age.now` of this computer, which they know from beats. Nobody sets that clock. All
 others tell ns since 1970, by their own clocks:
@@ -12,13 +12,16 @@ One forged sample changes nothing for a publisher: several of its ways have to b
 
 from __future__ import annotations
 
+import time
 from typing import Final, NamedTuple, TypeAlias
 
-from msggen.link.age import LONGEST_NS
-from msggen.link.rmw_zenoh.names import is_since_1970
+from msggen.link import age
+from msggen.link.age import LONGEST_NS, LONGEST_S
+from msggen.link.link import StaleError
 
 Publisher: TypeAlias = tuple[str, bytes]
-"""The name of a topic, and the gid of who publishes it."""
+"""The name of a topic, and the gid of who publishes it, b"" if that is not known."""
+_AHEAD: Final = f"the clock of the computer that published it is more than {LONGEST_S:g} s ahead of this one: dropped"
 _PERIOD_NS: Final = 30_000_000_000
 """Shortest ways are forgotten after this time, and at the latest after twice of it: a clock may be set."""
 _MOST: Final = 1000
@@ -44,17 +47,31 @@ class Waiting:
         self._offset = 0
         """Of the clock of this computer to `age.now`."""
 
-    def of(self, publisher: Publisher, published: int, arrived: int, now: int) -> int | None:
-        """Return the time in ns that a sample of a publisher has waited, None if its clock is ahead.
+    def since(self, publisher: Publisher, published: int, longest: int = LONGEST_NS) -> float:
+        """Return the time in s since a publisher has told to have published, in ns since 1970; 0 if it tells none.
 
-        `arrived` is when it has arrived, in ns since 1970, and `now` the same by `age.now`.
+        Raises StaleError as `of`.
+        """
+        arrived, now = time.time_ns(), age.now()
+        return self.of(publisher, arrived - published, arrived, now, longest) / 1e9 if published > 0 else 0.0
+
+    def of(self, publisher: Publisher, way: int, arrived: int, now: int, longest: int = LONGEST_NS) -> int:
+        """Return the time in ns that a sample of a publisher has waited.
+
+        `way` is how long it was on its way, if both clocks were the same. `arrived` is when it has arrived, in ns since
+        1970, and `now` the same by `age.now`. Raises StaleError if it has waited for more than `longest` ns, or if the
+        publisher's clock is ahead.
         """
         if abs(arrived - now - self._offset) > _STEP_NS:
             self._ways.clear()  # they tell nothing any more
         self._offset = arrived - now
-        way = (arrived if is_since_1970(published) else now) - published
         shortest = self._shortest(publisher, way, now)
-        return None if min(way, shortest) < -LONGEST_NS else max(0, way - shortest)
+        if min(way, shortest) < -LONGEST_NS:
+            raise StaleError(_AHEAD)
+        if way - shortest > longest:
+            late = f"waited for more than {longest / 1e9:g} s: dropped"
+            raise StaleError(f"{late}, or the clock of the computer that published it is behind")
+        return max(0, way - shortest)
 
     def _shortest(self, publisher: Publisher, way: int, now: int) -> int:
         """Take a way. Return what counts as no way, which is 0 or less: 0 until it is known."""

@@ -1,4 +1,7 @@
-"""Jinja2 templates: strict, with the filters of `words`, and with errors that name the file and the line."""
+"""The templates of users: Jinja2, which is strict, and EmPy, in which filters are functions.
+
+Both know the same names, and their errors name the file and the line.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,25 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 
 import jinja2
 from jinja2 import meta
 
 from msggen.base.diagnostics import InputError, input_error, suggestion
-from msggen.base.disk.reading import read_text
 from msggen.generate.render import THINGS
-from msggen.generate.text.words import FILTERS, NotTextError, known_names, unknown_name, with_article
+from msggen.generate.text.empy import EmpyTemplate, nearest_name
+from msggen.generate.text.words import FILTERS, NotTextError, known_names, read_template, unknown_name, with_article
 
 _NOT_DEFINED = " is not defined"
 """The end of a message about an unknown name to which no name is similar."""
+
+
+_OF_FIRMWARE = (
+    "all_topics file_base_name file_name_in genmsg msg_context msgs name_snake_case publications "
+    "px_generate_uorb_topic_helper search_path spec subscriptions subscriptions_multi topics type_includes"
+)
+"""The names and modules that the firmware's own templates use."""
 
 
 class JinjaTemplate:
@@ -61,6 +72,30 @@ class JinjaTemplate:
         """Return the text of the template for `names`. Raises InputError with the line of the error."""
         with _reported(self.path, self._loader.files, names):
             return self._template.render(names)
+
+
+class Empy:
+    """A template that can be expanded any number of times. It may import modules from its folder."""
+
+    def __init__(self, path: str) -> None:
+        """Read the template at `path`. Raises InputError if it cannot be read or is not valid EmPy."""
+        self.path = path
+        self._template = EmpyTemplate(path)
+
+    @property
+    def names(self) -> None:
+        """The names that the template uses are not known: any Python code may use them."""
+        return
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files that were read so far: the template, its includes, and its own modules."""
+        return self._template.inputs
+
+    def expand(self, names: Mapping[str, object]) -> str:
+        """Return the text of the template for `names`. Raises InputError with the line of the error."""
+        folder = os.path.dirname(self.path) or os.curdir
+        return self._template.expand({**FILTERS, **names}, [folder], partial(_hint_of_empy, names, folder))
 
 
 class Pattern:
@@ -138,12 +173,7 @@ class _Loader(jinja2.FileSystemLoader):
     def read(self, path: str) -> str:
         """Return the text of a file. Raises InputError."""
         self.files[path] = None
-        try:
-            return read_text(path)
-        except UnicodeDecodeError as error:
-            raise input_error(path, "T102", f"byte 0x{error.object[error.start]:02x} is not UTF-8", 0) from None
-        except OSError as error:
-            raise input_error(path, "T102", f"cannot read the template: {error.strerror or error}", 0) from None
+        return read_template(path)
 
 
 class _Undefined(jinja2.StrictUndefined):
@@ -211,3 +241,17 @@ def _with_hint(message: str) -> str:
     """Return a message, with a suggestion if it is about an unknown filter."""
     wrong = re.match(r"No filter named '(.*?)'", message)
     return message.rstrip(".") + (suggestion(wrong[1], [*FILTERS, *jinja2.filters.FILTERS]) if wrong else "")
+
+
+def _hint_of_empy(names: Mapping[str, object], folder: str, error: BaseException) -> str:
+    """Return what to do about an exception of a template in `folder` that knows `names`."""
+    if isinstance(error, (NameError, ImportError)) and str(error.name).partition(".")[0] in _OF_FIRMWARE.split():
+        return ": msggen px4-generate renders templates in the firmware's style"
+    if isinstance(error, NameError):
+        return nearest_name(error) or known_names(names)
+    if isinstance(error, TypeError) and "for |: " in str(error):
+        return ": in EmPy a filter is a function, as in snake_case(message.name)"
+    if isinstance(error, FileNotFoundError) and isinstance(error.filename, str):
+        path = os.path.join(folder, error.filename)
+        return f", did you mean {path!r}?" if os.path.isfile(path) else ""
+    return nearest_name(error)
