@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from flight import START
-from msggen.exports.fleet import compact, update
+from msggen.exports.fleet import compact, files, update
 from msggen.exports.fleet.records import TABLE, Listed, decoded
 from msggen.exports.fleet.run import pool_of
 from msggen.exports.fleet.storage import Disk
@@ -136,9 +136,9 @@ def growth(folder: Path, steps: Sequence[int]) -> Iterator[dict[str, float]]:
                 write_tiny(logs / f"{number // 100:04}" / f"{number:06}.ulg", number)
             done = end
             update(str(logs), fleet)
-        found: dict[str, float] = {"logs": done, "files": len(Disk(fleet).names())}
+        found: dict[str, float] = {"logs": done, "files": len(files(fleet))}
         found["compaction"] = spent(lambda: compact(fleet))
-        found["files after"] = len(Disk(fleet).names())
+        found["files after"] = len(files(fleet))
         found["list"] = os.path.getsize(f"{fleet}/{TABLE}")
         found["read"] = spent(lambda: read(fleet))
         found["listing"] = spent(lambda: Disk(fleet).names())

@@ -36,8 +36,8 @@ _COARSEST = 10
 """The samples that a response has at least."""
 _LEAST_FIT = 0.3
 """The share of the movement that must follow from the setpoint."""
-_LARGEST_SPREAD = 0.5
-"""The mean spread, in parts of the step, up to which the mean says something: those of real flights are 0.03 to 0.2."""
+_LARGEST_SPREAD = 0.2
+"""The mean spread, in parts of the step, up to which the mean tells something. Real flights have 0.02 to 0.15."""
 _LARGEST = 1e6
 """Values beyond it are damaged."""
 _SETTLED, _TAIL = 0.05, 0.2
@@ -284,8 +284,8 @@ def _solved(loop: Loop, windows: Sequence[_Window], shape: tuple[float, int, int
             fit=fit,
         )
     noise = max(1 - fit, _LEAST_NOISE)
-    steps = [_step(_impulses(*part, noise)) for part in zip(powers, products, strict=True)]
-    spread = np.std(steps, axis=0)
+    without = zip(power - powers, product - products, strict=True)
+    spread = (parts - 1) * np.std([_step(_impulses(*each, noise)) for each in without], axis=0)
     if spread.mean() > _LARGEST_SPREAD:
         verdict = f"not known: parts of the flight differ by {spread.mean():.1f} of a step on average"
         return Response(loop, verdict, windows=len(windows), excitation=largest, fit=fit)

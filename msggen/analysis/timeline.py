@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 from msggen.analysis.recorded import Recorded, spans
@@ -79,40 +80,27 @@ def _modes(recorded: Recorded) -> list[Stretch]:
     return [Stretch(name, colours[name], begin, end) for begin, end, name in found if end > begin]
 
 
-class _Registered(NamedTuple):
-    """The names that programs gave a mode, and when in s."""
-
-    times: list[float]
-    names: list[str]
-
-    def at(self, time: float) -> str:
-        """Return the last name until a time, "" before the first one."""
-        place = bisect_right(self.times, time)
-        return self.names[place - 1] if place else ""
-
-
-def _registered(recorded: Recorded) -> dict[int, _Registered]:
-    """Return the names of the modes that programs registered, by their numbers."""
+def _registered(recorded: Recorded) -> dict[int, list[tuple[float, str]]]:
+    """Return when programs registered modes, in s, and the names that they gave them, by the numbers of the modes."""
     samples = recorded.samples(_REPLY)
     if samples is None or not {"success", "mode_id", "name"} <= {*(samples.array.dtype.names or ())}:
         return {}
-    found: dict[int, _Registered] = {}
+    found: dict[int, list[tuple[float, str]]] = {}
     for time, row in zip(samples.log_times, samples.array, strict=True):
         name = printable(bytes(row["name"]).partition(b"\0")[0].decode(errors="replace").strip())
         if row["success"] and row["mode_id"] in EXTERNAL and name:
-            of_mode = found.setdefault(int(row["mode_id"]), _Registered([], []))
-            of_mode.times.append((time - recorded.log.start) / 1e9)
-            of_mode.names.append(name)
+            found.setdefault(int(row["mode_id"]), []).append(((time - recorded.log.start) / 1e9, name))
     return found
 
 
-def _own_name(name: str, registered: Mapping[int, _Registered], end: float) -> str:
+def _own_name(name: str, registered: Mapping[int, Sequence[tuple[float, str]]], end: float) -> str:
     """Return the name that a program gave the mode that ended at a time, "" if the recording does not tell it.
 
     PX4 gives the same mode to other programs later. A name that PX4 uses itself is followed by that of the mode.
     """
-    of_mode = registered.get(mode_number(name) or 0)
-    own = of_mode.at(end) if of_mode else ""
+    of_mode = registered.get(mode_number(name) or 0, ())
+    place = bisect_right(of_mode, end, key=itemgetter(0))
+    own = of_mode[place - 1][1] if place else ""
     return f"{own} ({mode_title(name)})" if own in MODE_TITLES.values() else own
 
 

@@ -86,7 +86,7 @@ class Writer:
     def _end_chunk(self) -> None:
         if self._data:
             times = self._times
-            self._writer.add_chunk(Chunk(self._data, len(self._data), min(times), max(times), self._entries))
+            self._writer.add_chunk(Chunk(self._data, min(times), max(times), self._entries))
             self._data, self._entries, self._times = bytearray(), {}, []
 
     def flush(self) -> None:

@@ -36,7 +36,7 @@ from msggen.link.link import (
 )
 from msggen.link.session_files import Records
 from msggen.link.threaded import ThreadedLink
-from msggen.link.xrce.agent import Agent, everybody
+from msggen.link.xrce.agent import Agent
 from msggen.link.xrce.outbox import Address
 from msggen.link.xrce.record import Record
 
@@ -53,7 +53,7 @@ class AgentLink(ThreadedLink):
     def __init__(
         self,
         *,
-        allow: Callable[[Address], bool] = everybody,
+        allow: Callable[[Address], bool] = lambda _: True,
         keys: Sequence[int] = (),
         records: str = "",
     ) -> None:
@@ -163,10 +163,9 @@ class AgentLink(ThreadedLink):
     def statistics(self) -> Statistics:
         """Return the counters."""
         with self.lock:
-            agent = self.agent
-            refused = sum(agent.refused.values())
-            counts = agent.received, self.sent, refused, self.dropped(), agent.lost, self.receive_buffer()
-            return Statistics(*counts, unsent=self.unsent + agent.expired)
+            of = self.agent.outbox
+            counts = of.received, self.sent, of.refused.total(), self.dropped(), of.lost, self.receive_buffer()
+            return Statistics(*counts, unsent=self.unsent + of.expired)
 
     def clients(self) -> list[Client]:
         """Return all clients that have begun a session, also those that are silent by now."""
@@ -181,7 +180,7 @@ class AgentLink(ThreadedLink):
     def refusals(self) -> dict[str, int]:
         """Return how many datagrams were refused, by reason."""
         with self.lock:
-            return dict(self.agent.refused)
+            return dict(self.agent.outbox.refused)
 
     def close(self) -> None:
         """End the thread, and release everything. A callback may call it: then the thread ends after the callback."""

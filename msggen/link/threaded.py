@@ -56,9 +56,10 @@ class ThreadedLink(Link):
         """End the thread, and release everything. A callback may call it: then the thread ends after the callback."""
         self._closing = True
         thread = self._thread
-        if thread is not None and thread.is_alive() and thread is not threading.current_thread():
+        if thread is not None and thread.is_alive():
             self.wake()
-            thread.join()
+            if thread is not threading.current_thread():
+                thread.join()
 
     def _run(self, listener: Listener) -> None:
         failure = ""

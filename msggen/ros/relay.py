@@ -231,7 +231,7 @@ class Relay:
     def _send(self, row: Row, payload: bytes, info: Mapping[str, Any]) -> None:
         """Give a sample of ROS to the vehicle, unless it is late.
 
-        It is decoded and encoded, because PX4 takes one encapsulation only. rclpy tells the publisher since version 7.
+        It is decoded and encoded, because PX4 takes one encapsulation only. Not every rclpy tells the publisher.
         """
         gid = (info.get("publisher_gid") or {}).get("data", b"")
         try:

@@ -20,7 +20,7 @@ from msggen.messages.nav_states import (
     TERMINATION,
 )
 from msggen.sim.attitude import Vector, added
-from msggen.sim.commander.setpoint_types import ALL, Controls
+from msggen.sim.commander.setpoint_types import Controls
 from msggen.sim.flight import DRAG, GRAVITY, NAN, VELOCITY_GAIN, Flight, Push, Target
 from msggen.sim.parameters import PARAMETERS, microseconds
 from msggen.sim.setpoints import CLIMB, CRUISE, PUSHES, SINK, TURN, Setpoints
@@ -122,7 +122,7 @@ class Pilot:
 class Autopilot(Pilot):
     """Flies the mode of the commander, of a multicopter."""
 
-    def __init__(self, flight: Flight, setpoints: Setpoints, parameters: Mapping[str, float] = PARAMETERS) -> None:
+    def __init__(self, flight: Flight, setpoints: Setpoints, parameters: Mapping[str, float]) -> None:
         super().__init__(flight, setpoints)
         self.lift = Lift()
         self.controls_position = True
@@ -213,7 +213,7 @@ class Autopilot(Pilot):
 
     # Setpoints
 
-    def target(self, time: int, controls: Controls = ALL) -> Setpoint | None:
+    def target(self, time: int, controls: Controls) -> Setpoint | None:
         """Return the setpoint at a time. `controls` are those of the mode of a program. None: the motors are off."""
         mode = self._mode
         if mode == TERMINATION:

@@ -69,9 +69,12 @@ class Vehicle(Protocol):
     autopilot: Pilot
     landing: Landing
     time: int
-    origin: Home
     has_position: bool
     reason: str
+
+    @property
+    def origin(self) -> Home:
+        """The origin of the local position."""
 
     @property
     def place(self) -> Home:

@@ -29,10 +29,9 @@ from msggen.messages.measurements import (
     Part,
 )
 from msggen.sim.attitude import Vector, added, from_body
-from msggen.sim.commander.rules import V1_18, Rules
-from msggen.sim.external_inputs import Odometry, Place, World, bits, is_on, odometry_of, place_of, turned_by
-from msggen.sim.flight import wrapped
-from msggen.sim.parameters import PARAMETERS
+from msggen.sim.commander.rules import Rules
+from msggen.sim.external_inputs import Odometry, Pilot, Place, bits, is_on, odometry_of, place_of, turned_by
+from msggen.sim.flight import Flight, wrapped
 from msggen.sim.places import Home
 
 _BEHIND = 150_000
@@ -69,9 +68,10 @@ _BY_CAMERA = 3
 class External:
     """Takes measurements. `handlers` are by the names of topics in uORB."""
 
-    def __init__(self, world: World, parameters: Mapping[str, float] = PARAMETERS, rules: Rules = V1_18) -> None:
-        """Take the parameters and rules of the vehicle."""
-        self._world, self._parameters, self._place_patience = world, parameters, rules.auxiliary_patience
+    def __init__(self, flight: Flight, pilot: Pilot, parameters: Mapping[str, float], rules: Rules) -> None:
+        """Take the motion, the pilot, the parameters and the rules of the vehicle."""
+        self._flight, self._pilot = flight, pilot
+        self._parameters, self._place_patience = parameters, rules.auxiliary_patience
         self._control = bits(parameters.get("EKF2_EV_CTRL", 0.0))
         self._least_quality = bits(parameters["EKF2_EV_QMIN"])
         self._delay = bits(parameters["EKF2_EV_DELAY"] * 1e3)
@@ -225,7 +225,7 @@ class External:
 
     def _then(self, time: int) -> tuple[Vector, Vector, float]:
         """Return position, velocity and heading at the time of a measurement."""
-        flight, behind = self._world.flight, (self._now - time) / 1e6
+        flight, behind = self._flight, (self._now - time) / 1e6
         position = tuple(here - each * behind for here, each in zip(flight.position, flight.velocity, strict=True))
         velocity = tuple(
             each - change * behind for each, change in zip(flight.velocity, flight.acceleration, strict=True)
@@ -243,7 +243,7 @@ class External:
 
         def begin() -> None:
             if is_turned or not (is_near and self.is_yaw_aligned):
-                self._world.flight.yaw += error
+                self._flight.yaw += error
                 self.heading_resets += 1
             if YAW not in self.fused:  # what begins in FRD turns the estimate into that frame
                 self.is_yaw_aligned = not is_turned
@@ -293,10 +293,10 @@ class External:
         """Turn a vector of an FRD frame, unless the estimate is in it."""
         if math.isnan(found.yaw) or YAW in self.fused:
             return vector
-        return turned_by(vector, self._world.flight.yaw - found.yaw)
+        return turned_by(vector, self._flight.yaw - found.yaw)
 
     def _look_at_velocity(self, found: Odometry) -> None:
-        flight, has_others = self._world.flight, self._has_gps or bool(self.fused & {POSITION, PLACE})
+        flight, has_others = self._flight, self._has_gps or bool(self.fused & {POSITION, PLACE})
         if found.velocity_frame == BODY_FRD:
             velocity = from_body(flight.quaternion, found.velocity)
         elif found.velocity_frame == FRD:
@@ -320,13 +320,12 @@ class External:
     # Places on earth
 
     def _look_at_place(self, found: Place) -> None:
-        world = self._world
         if not self.is_yaw_aligned:
             return
-        if not world.has_origin:
+        if not self._flight.has_origin:
             self._set_origin(found.place)
-        self._place_heard = self._now
-        north, east, _ = world.origin.local(found.place._replace(altitude=world.origin.altitude))
+        self._place_heard, origin = self._now, self._flight.origin
+        north, east, _ = origin.local(found.place._replace(altitude=origin.altitude))
         is_reset = found.resets != self._place_counter
         self._place_counter = found.resets
         here, width = self._then(found.time)[0], self._width(PLACE, found.variance)
@@ -343,11 +342,10 @@ class External:
 
     def _set_origin(self, place: Home) -> None:
         """Let the vehicle be at a place without a move in the local frame."""
-        world = self._world
-        x, y, z = world.flight.position
-        altitude = place.altitude + z if Home(altitude=place.altitude).is_possible else world.origin.altitude
-        world.origin = place._replace(altitude=altitude).place((-x, -y, 0.0))
-        world.has_origin = True
+        flight = self._flight
+        x, y, z = flight.position
+        altitude = place.altitude + z if Home(altitude=place.altitude).is_possible else flight.origin.altitude
+        flight.origin, flight.has_origin = place._replace(altitude=altitude).place((-x, -y, 0.0)), True
 
     # The estimate
 
@@ -387,10 +385,9 @@ class External:
         """Let that of the height jump. The ground moves with it."""
         self.drop = down
         self.height_resets += 1
-        self._world.flight.ground += down
+        self._flight.ground += down
         self._shift((0.0, 0.0, down))
 
     def _shift(self, move: Vector) -> None:
-        flight = self._world.flight
-        flight.position = added(flight.position, move)
-        self._world.autopilot.shift(move)
+        self._flight.position = added(self._flight.position, move)
+        self._pilot.shift(move)

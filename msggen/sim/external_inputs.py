@@ -8,7 +8,6 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from msggen.messages.measurements import FASTEST, GATES, HEIGHT, PLACE, POSITION, VELOCITY, YAW, Part, frame_of, taken
 from msggen.sim.attitude import Vector, angles_of
-from msggen.sim.flight import Flight
 from msggen.sim.places import Home
 
 _LEAST: Final = GATES[POSITION].least ** 2
@@ -20,15 +19,6 @@ class Pilot(Protocol):
 
     def shift(self, move: Vector) -> None:
         """Move the places that it keeps with the estimate of the position."""
-
-
-class World(Protocol):
-    """What measurements tell of: `msggen.sim.world.World`."""
-
-    flight: Flight
-    autopilot: Pilot
-    origin: Home
-    has_origin: bool
 
 
 class Odometry(NamedTuple):

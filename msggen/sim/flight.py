@@ -23,6 +23,7 @@ from msggen.sim.attitude import (
     turned,
 )
 from msggen.sim.parameters import PARAMETERS
+from msggen.sim.places import Home
 
 NAN = math.nan
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -98,8 +99,10 @@ class Flight:
         """The down position of the ground."""
         self.home: Vector = ZERO
         """Where a return ends."""
-        self.origin = 0.0
-        """The altitude of the origin, above mean sea level."""
+        self.origin = Home()
+        """The origin of positions: on the ground below the start, until a command sets another."""
+        self.has_origin = True
+        """Whether it is known where on earth that is."""
         self.has_position = True
         """Whether the vehicle knows its position."""
         self.gust = (0.0, 0.0)

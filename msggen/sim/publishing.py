@@ -100,7 +100,7 @@ class Publication(NamedTuple):
 
 
 def publication_of(
-    endpoint: Any, *, name: str = "", number: int = 0, rate: float | None = None, parts: Collection[str] = ()
+    endpoint: Any, *, name: str = "", number: int = 0, rate: float | None = None, parts: Collection[str]
 ) -> Publication:
     """Return the publication of an endpoint of a generated package, by a vehicle with some parts.
 

@@ -104,7 +104,7 @@ class RoverPilot(Pilot):
         """Stop the motors, and forget the setpoints."""
         self._drive, self._place = Drive(), None
 
-    def target(self, time: int, controls: Controls = ALL) -> Drive | None:
+    def target(self, time: int, controls: Controls) -> Drive | None:
         """Return the setpoint at a time. `controls` are those of the mode of a program. None: the motors are off."""
         mode = self._mode
         if mode == TERMINATION:

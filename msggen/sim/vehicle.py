@@ -365,7 +365,7 @@ def restarted(before: World, package: ModuleType, options: Options) -> World:
         setattr(found, name, getattr(before, name))
     found.is_compass_disturbed = before.is_compass_disturbed
     found.has_position &= found.has_gps and found.external.uses_gps
-    found.has_origin &= found.has_position
+    found.flight.has_origin &= found.has_position
     found.commander.components = before.commander.components
     found.commander.components.restart()
     return found

@@ -14,7 +14,7 @@ from msggen.messages.nav_states import DESCEND, EXTERNAL, LAND, RETURN, TAKEOFF,
 from msggen.messages.vehicle_types import VtolState
 from msggen.sim.attitude import Vector
 from msggen.sim.autopilot import Autopilot, Lift, Setpoint
-from msggen.sim.commander.setpoint_types import ALL, Controls
+from msggen.sim.commander.setpoint_types import Controls
 from msggen.sim.flight import NAN, Push, Target
 from msggen.sim.setpoints import Setpoints
 from msggen.sim.wing_pilot import WingPilot
@@ -43,7 +43,7 @@ class VtolPilot:
     """Flies the mode of the commander, by rotors or by wings."""
 
     def __init__(
-        self, flight: Wings, setpoints: Setpoints, parameters: Mapping[str, float], *, pushes_in_modes: bool = True
+        self, flight: Wings, setpoints: Setpoints, parameters: Mapping[str, float], *, pushes_in_modes: bool
     ) -> None:
         """`pushes_in_modes`: whether a transition in the mode of a program starts the pusher, as from v1.17 on."""
         self.state = VtolState.HOVER
@@ -194,7 +194,7 @@ class VtolPilot:
 
     # Setpoints
 
-    def target(self, time: int, controls: Controls = ALL) -> Setpoint | Wing | None:
+    def target(self, time: int, controls: Controls) -> Setpoint | Wing | None:
         """Return the setpoint at a time. None: the motors are off."""
         self._follow(time)
         self._flight.push = 0.0

@@ -13,7 +13,7 @@ from msggen.messages.nav_states import DESCEND, EXTERNAL, HOLD, LAND, OFFBOARD, 
 from msggen.messages.setpoints import FIXED_WING as FIXED_WING_KIND
 from msggen.sim.attitude import Vector, added, angles_of
 from msggen.sim.autopilot import HEIGHT, POSITION, Pilot
-from msggen.sim.commander.setpoint_types import ALL, Controls
+from msggen.sim.commander.setpoint_types import Controls
 from msggen.sim.flight import NAN, Push, Target
 from msggen.sim.setpoints import PUSHES, Setpoints
 from msggen.sim.wings import CLIMB, MAX_CLIMB, MAX_LATERAL, MAX_SINK, SINK, Wing, Wings
@@ -73,7 +73,7 @@ class WingPilot(Pilot):
     def _take_longitudinal(self, message: Any, time: int) -> None:
         self._write(
             time,
-            down=self._flight.origin - message.altitude,
+            down=self._flight.origin.altitude - message.altitude,
             height_rate=message.height_rate,
             airspeed=message.equivalent_airspeed,
             pitch=message.pitch_direct,
@@ -145,7 +145,7 @@ class WingPilot(Pilot):
             return not is_landed and self._flight.position[2] <= self._goal
         return is_landed and self._mode == LAND
 
-    def target(self, time: int, controls: Controls = ALL) -> Wing | None:
+    def target(self, time: int, controls: Controls) -> Wing | None:
         """Return the setpoint at a time. `controls` are those of the mode of a program. None: the motor is off."""
         mode = self._mode
         if mode == TERMINATION:

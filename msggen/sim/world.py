@@ -55,16 +55,17 @@ class World:
         parameters: Mapping[str, float] = PARAMETERS,
         airframe: Airframe = AIRFRAMES["multicopter"],
     ) -> None:
-        self.external = external = External(self, {**rules.estimator, **parameters}, rules)
+        self.setpoints = Setpoints()
+        self.flight, self.autopilot, self.landing = model_of(airframe, self.setpoints, parameters, rules)
+        self.external = External(self.flight, self.autopilot, {**rules.estimator, **parameters}, rules)
         """What measurements of programs tell the estimator."""
-        self.origin = home or Home()
-        """The origin of the local position: on the ground below the start, until a command sets another."""
-        self.home = self.origin
+        self.home = self.flight.origin = home or Home()
         """Where a return ends."""
         self.has_gps = has_position
         """Whether GPS is there, which can be set at any time."""
-        self.has_position = self.has_origin = self.has_home = has_position and external.uses_gps
-        """Whether the vehicle knows its position, where on earth its origin is, and its home."""
+        self.has_position = self.has_home = has_position and self.external.uses_gps
+        """Whether the vehicle knows its position and its home."""
+        self.flight.has_origin = self.has_position
         self.has_sticks = self.has_ground_station = False
         """Whether a pilot's sticks, and a ground station, are there. Both can be set at any time."""
         self.is_compass_disturbed = False
@@ -81,9 +82,6 @@ class World:
         """Why the last command was refused."""
         self.airframe = airframe
         self.commander = Commander(rules, parameters, airframe)
-        self.setpoints = Setpoints()
-        self.flight, self.autopilot, self.landing = model_of(airframe, self.setpoints, parameters, rules)
-        self.flight.origin = self.origin.altitude
         self.position_resets = self.home_changes = self.control_changes = 0
         """How often the position was found again, home was set, and the vehicle took off or landed."""
         self._parameters = parameters
@@ -132,10 +130,10 @@ class World:
         elif self.time - self._gps_time >= (_GAIN if has_gps else _LOSS):
             self.has_position = has_gps
             self.position_resets += self.has_position
-        self.has_origin |= has_gps and self.has_position
+        self.flight.has_origin |= has_gps and self.has_position
         self.flight.has_position = self.has_position
         self.commander.vtol_state = self.vtol_state
-        self.has_home |= self.has_position and self.has_origin
+        self.has_home |= self.has_global
 
     def _fly(self, seconds: float) -> None:
         """Move the vehicle to the setpoint of the mode, and see whether it has landed."""
@@ -217,7 +215,7 @@ class World:
     @property
     def has_global(self) -> bool:
         """Whether the vehicle knows where on earth it is."""
-        return self.has_position and self.has_origin
+        return self.has_position and self.flight.has_origin
 
     @property
     def mode(self) -> int:
@@ -270,6 +268,11 @@ class World:
     # Places
 
     @property
+    def origin(self) -> Home:
+        """The origin of the local position."""
+        return self.flight.origin
+
+    @property
     def place(self) -> Home:
         """Where the vehicle is."""
         return self.origin.place(self.flight.position)
@@ -283,8 +286,7 @@ class World:
     def set_origin(self, origin: Home) -> None:
         """Count the local position from a place. The vehicle stays where it is."""
         place, ground = self.place, self.origin.altitude - self.flight.ground
-        had_origin, self.origin, self.has_origin = self.has_origin, origin, True
-        self.flight.origin = origin.altitude
+        had_origin, self.flight.has_origin, self.flight.origin = self.flight.has_origin, True, origin
         if not had_origin:  # the place of the vehicle on earth was not known: it follows from the origin
             return
         self.flight.position, self.flight.ground = origin.local(place), origin.altitude - ground

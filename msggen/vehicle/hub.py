@@ -25,8 +25,9 @@ OTHERS = "msggen.live.others"
 class Hub(Listener):
     """The listener of a link."""
 
-    def __init__(self, link: Link) -> None:
-        self.link = link
+    def __init__(self, link: Link, allow: frozenset[str | int] = frozenset()) -> None:
+        """Make it. `allow` are the addresses and keys of those who may connect."""
+        self.link, self.allow = link, allow
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries = Entries(link, self.changed, self.evaluate, self._tell_all_missing)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import threading
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import NamedTuple
 
 from msggen.link.address import parse_address
 from msggen.link.link import Link, LinkError
@@ -36,14 +35,7 @@ def opened_at(name: str, link: Link) -> str:
     return f"{name.removesuffix('0')}{link.port}" if name.endswith(":0") else name
 
 
-class _Shared(NamedTuple):
-    """A hub of a link, and who may connect to it."""
-
-    hub: Hub
-    allow: frozenset[str | int]
-
-
-_hubs: dict[Hashable, _Shared] = {}
+_hubs: dict[Hashable, Hub] = {}
 _lock = threading.RLock()
 
 
@@ -56,18 +48,17 @@ def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member, allo
     allowed = frozenset(allow)
     while True:
         with _lock:
-            found = _hubs.get(name)
-            if found is None or found.hub.failure:
-                hub = Hub(open_link())
-                if found is not None and hub.link is found.hub.link:
-                    raise LinkError(f"{found.hub.failure}; make another {type(hub.link).__name__}")
+            hub = _hubs.get(name)
+            if hub is None or hub.failure:
+                failed, hub = hub, Hub(open_link(), allowed)
+                if failed is not None and hub.link is failed.link:
+                    raise LinkError(f"{failed.failure}; make another {type(hub.link).__name__}")
                 hub.join(member)
                 hub.link.start(hub)
-                _hubs[name] = _Shared(hub, allowed)
+                _hubs[name] = hub
                 return hub
-            hub, others = found
             if hub.members:
-                if others != allowed:
+                if hub.allow != allowed:
                     raise LinkError(f"{name} is open with another allow=: give its Vehicle objects the same one")
                 hub.join(member)
                 return hub
@@ -94,7 +85,7 @@ def _close(name: Hashable, hub: Hub) -> None:
         hub.link.close()
     finally:
         with _lock:
-            if name in _hubs and _hubs[name].hub is hub:  # otherwise it has failed, and another one took its place
+            if _hubs.get(name) is hub:  # otherwise it has failed, and another one took its place
                 del _hubs[name]
         hub.closed.set()
 
@@ -113,7 +104,7 @@ def leave_soon(name: Hashable, hub: Hub, member: Member) -> None:
 @atexit.register
 def _close_all() -> None:
     """Close the links that are left at the end of the program."""
-    for name, (hub, _) in tuple(_hubs.items()):
+    for name, hub in tuple(_hubs.items()):
         for member in hub.members:
             leave_hub(name, hub, member)
         hub.closed.wait(_END_S)  # another thread may close it

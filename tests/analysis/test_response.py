@@ -23,7 +23,7 @@ _RATE, _SECONDS = 1000, 40
 """The samples per second of the systems, and how long they run."""
 _ATTITUDE, _RATES = LOOPS[0], LOOPS[3]
 _SYSTEMS = ((_RATES, 30.0, 0.5), (_RATES, 60.0, 0.4), (_RATES, 15.0, 0.6), (_ATTITUDE, 8.0, 0.6), (_ATTITUDE, 5.0, 0.8))
-_INPUTS = ("noise", "slow", "steps", "chirp")
+_INPUTS = ("noise", "slow", "chirp", "steps")
 
 
 def moved(kind: str, seed: int = 1) -> np.ndarray[Any, Any]:

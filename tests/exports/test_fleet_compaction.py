@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.exports.fleet import Keys, compact, parts, update
+from msggen.exports.fleet import Keys, compact, parts, storage, update
 from msggen.exports.fleet import fleet as fleets
 from msggen.exports.fleet.parts import Files, Run, write_files
 from msggen.exports.fleet.records import FleetError
@@ -135,20 +135,41 @@ def test_columns_that_agree_are_in_one_file(given_runs: list[tuple[int, dict[str
         assert (len(written) == 1) is is_one
 
 
-def test_columns_of_another_unit_are_in_another_file(tmp_path: Path) -> None:
+@pytest.fixture
+def heights(tmp_path: Path) -> Path:
+    """A folder of three recordings of a topic, of which one has another unit."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
     for index, unit in enumerate(("[m]", "", "[cm]")):
         text = f"uint64 timestamp\nfloat32 height # {unit}\n"
         payload = b"\0\1\0\0" + struct.pack("<Qf", index, 1.0)
         written = Written("/fmu/out/height", "px4_msgs/msg/Height", text, [(START, START, payload)])
-        (tmp_path / "logs").mkdir(exist_ok=True)
-        write_log(tmp_path / "logs" / f"{index}.mcap", [written])
-    update(str(tmp_path / "logs"), str(tmp_path / "fleet"))
+        write_log(folder / f"{index}.mcap", [written])
+    return folder
+
+
+def test_columns_of_another_unit_are_in_another_file(heights: Path, tmp_path: Path) -> None:
+    update(str(heights), str(tmp_path / "fleet"))
     for _ in range(2):
         names = list(parquet_in(tmp_path / "fleet"))
         fields = [pq.read_schema(tmp_path / "fleet" / name).field("height").metadata for name in names]
         assert sorted(each[b"unit"] for each in fields) == [b"cm", b"m"]
         assert len(rows_of(tmp_path / "fleet")["height"]) == 3
         compact(str(tmp_path / "fleet"))
+
+
+def test_recordings_whose_batch_fails_late_are_converted_alone(
+    heights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The files of the batch are there already, and have other names."""
+
+    def fail(*_: object) -> None:
+        monkeypatch.undo()
+        raise MemoryError
+
+    monkeypatch.setattr(storage.Disk, "keep", fail)
+    assert update(str(heights), str(tmp_path / "fleet")).failed == []
+    assert len(parquet_in(tmp_path / "fleet")) == len(rows_of(tmp_path / "fleet")["height"]) == 3
 
 
 def test_fields_with_the_names_of_keys_stay(tmp_path: Path) -> None:

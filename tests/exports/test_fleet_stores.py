@@ -72,6 +72,32 @@ def test_recordings_in_a_store_become_a_fleet_in_a_folder(bucket: Bucket, logs: 
     assert not [each for each in bucket.server.requests if "ulg" in each.path and "notes" not in each.path]
 
 
+def test_a_recording_that_was_moved_in_a_store_is_where_it_is_now(bucket: Bucket, logs: Path) -> None:
+    bucket.put(logs, "logs")
+    update(LOGS, FLEET)
+    for step in ("moved", "moved again"):
+        (path,) = (path for path in bucket.server.files if "sess" in path)
+        bucket.server.files[f"/bucket/logs/{step}/sess.ulg"] = bucket.server.files.pop(path)
+        done = update(LOGS, FLEET)
+        assert (done.copies, len(done.converted), done.document()["copied"]) == (1, 0, [])
+        (record,) = (record for record in decoded(bucket.server.files[LIST]).records if "sess001" in record.log)
+        assert list(record.paths) == [f"{LOGS}/{step}/sess.ulg"]
+
+
+def test_a_recording_that_changes_while_it_is_read_leaves_no_object(bucket: Bucket, logs: Path) -> None:
+    update(str(logs), FLEET)
+    copy, first = logs / "copy.ulg", logs / "hangar" / "sess001.ulg"
+    copy.write_bytes(first.read_bytes() + b"more")
+
+    def later(tasks: Sequence[Task]) -> Iterator[Batch]:
+        copy.write_bytes(first.read_bytes())
+        return map(convert_batch, tasks)
+
+    failed = {os.path.basename(each.path): each.error for each in update(str(logs), FLEET, pool=later).failed}
+    assert failed["copy.ulg"] == "changed while it was read: run the same command again"
+    bucket.check_whole()
+
+
 def test_the_log_of_a_database_that_was_not_closed_is_read_in_a_fleet_from_a_store(
     bucket: Bucket, tmp_path: Path
 ) -> None:

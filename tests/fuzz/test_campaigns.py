@@ -135,7 +135,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "recordings": ("msggen.exports.writer.ChunkWriter.add_chunk", lambda *_: None),
     "conversions": ("msggen.exports.convert._whole", at_once),
     "fleets": ("msggen.exports.fleet.storage.check_links", lambda *_: None),
-    "stores": ("msggen.exports.fleet.storage.Bucket.delete", lambda *_: None),
+    "stores": ("msggen.exports.fleet.fleet.Fleet._left", lambda *_: []),
     "servers": ("msggen.recordings.stores.connections.Origin.leads_to", lambda *_: True),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.link.xrce.session.REPLIES", 4096),

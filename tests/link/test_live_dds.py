@@ -193,26 +193,6 @@ def test_two_links_share_a_domain_and_one_outlives_the_other() -> None:
         assert first.warnings == second.warnings == []
 
 
-def test_an_error_of_the_listener_is_told_and_the_link_goes_on() -> None:
-    class Failing(Records):
-        def sample(self, *args: Any) -> None:
-            super().sample(*args)
-            raise ValueError("my error")
-
-    domain = next(DOMAINS)
-    records = Failing()
-    link = DdsLink(domain)
-    with vehicle(domain, "", "wind"):
-        link.start(records)
-        try:
-            records.wait(lambda: len(records.samples) > 5)
-        finally:
-            link.close()
-    (warning,) = records.warnings
-    assert warning.startswith("error in a callback, at ")
-    assert warning.endswith(": ValueError: my error")
-
-
 def test_closing_at_once_and_twice_leaves_nothing() -> None:
     pytest.importorskip("cyclonedds")
     with linked(next(DOMAINS)):  # what cyclonedds itself keeps

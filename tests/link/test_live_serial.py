@@ -248,7 +248,7 @@ def test_a_request_that_is_sent_again_waits_no_longer_for_the_line(
         with link.lock:
             soon = age.now() + 50_000_000
             monkeypatch.setattr(os, "write", _refuse)
-            link.agent._outbox.send(bytes(20), vehicle.path, soon)
+            link.agent.outbox.send(bytes(20), vehicle.path, soon)
             link.settle()
             assert [frame.until for frame in link._queue._frames] == [soon]
             time.sleep(0.1)

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from msggen import recordings
 from msggen.cli import main
 from msggen.recordings.decode.schemas import type_hash_of
-from msggen.recordings.files.rosbag2.service_events import event_definition
+from msggen.recordings.files.mcap.channels import event_definition
 from support.databases import Stored, write_database
 from support.log_files import Written, write_log
 

@@ -152,7 +152,7 @@ def test_a_vehicle_on_a_serial_line(px4_types: Any) -> None:
                 os.write(master, pack_frame(answer))
             samples += [event for event in agent.take_events() if isinstance(event, Sample)]
     assert len(samples) >= 100
-    assert (frames.broken, agent.lost, +agent.refused) == (0, 0, {})
+    assert (frames.broken, agent.outbox.lost, +agent.outbox.refused) == (0, 0, {})
     os.close(slave)
     os.close(master)
 

@@ -24,6 +24,7 @@ from msggen.sim.parameters import PARAMETERS
 from msggen.sim.publishing import localize
 from msggen.sim.values import Filler, Scene
 from msggen.sim.vehicle import world_of
+from msggen.sim.wing_pilot import WingPilot
 from msggen.sim.world import World
 
 NAN3, NAN4 = (math.nan,) * 3, (math.nan,) * 4
@@ -507,6 +508,16 @@ def test_a_place_on_earth_sets_the_origin_and_is_fused(types: Any) -> None:
     assert (place.ref_lat, place.ref_lon, place.ref_alt) == pytest.approx((47.0, 8.0, 500.0))
     assert (place.xy_valid, place.xy_global) == (True, True)
     assert camera.until(lambda: not camera.fused) == pytest.approx(5.0, abs=0.5)
+
+
+def test_altitudes_count_from_the_origin_that_a_place_on_earth_sets(px4_types: Any) -> None:
+    camera = Camera(px4_types, placed(px4_types), vehicle="plane")
+    camera.run(1.0, lambda: place_on_earth(camera, alt=700.0))
+    pilot = camera.world.autopilot
+    setpoint = px4_types.FixedWingLongitudinalSetpoint(altitude=720.0, height_rate=math.nan)
+    pilot.handlers["fixed_wing_longitudinal_setpoint"](setpoint, camera.world.time)
+    assert isinstance(pilot, WingPilot)
+    assert pilot._wing.down == pytest.approx(-20.0)
 
 
 @pytest.mark.parametrize(

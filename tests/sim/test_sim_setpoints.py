@@ -163,14 +163,22 @@ def test_each_axis_of_a_trajectory_has_its_own_control(north: float, east_speed:
     assert flight.position == pytest.approx((north, 0.0, down), abs=1.0)
 
 
-def test_a_setpoint_from_before_the_mode_is_not_used() -> None:
+@pytest.mark.parametrize(
+    ("kind", "messages"),
+    [
+        (TRAJECTORY, [FORWARD, Goto((50.0, 0.0, -2.5))]),
+        (ATTITUDE, [Attitude(thrust_body=(0.0, 0.0, -0.9))]),
+        (THRUST_AND_TORQUE.number, [Thrust((0.0, 0.0, -0.9)), Torque()]),
+    ],
+)
+def test_a_setpoint_from_before_the_mode_is_not_used(kind: int, messages: list[Any]) -> None:
     program = Program()
     program.take_off()
-    program.publish(FORWARD)(program.world.time - STEP)
-    program.publish(Goto((50.0, 0.0, -2.5)))(program.world.time - STEP)
+    for message in messages:
+        program.publish(message)(program.world.time - STEP)
     program.run(0.1)
     before = program.world.flight.position
-    program.enter(TRAJECTORY)
+    program.enter(kind)
     program.run(3.0)
     assert program.world.flight.position == pytest.approx(before, abs=0.1)
 

@@ -484,8 +484,8 @@ def test_the_agent_receives_all_samples(px4_types: Any) -> None:
     samples = served(vehicle, agent, 0, 2.0)
     received = Counter(sample.route.name for sample in samples)
     assert received == vehicle.sent
-    assert agent.lost == 0
-    assert not agent.refused
+    assert agent.outbox.lost == 0
+    assert not agent.outbox.refused
 
 
 @by_day("seed", range(2), 2)
@@ -497,7 +497,7 @@ def test_vehicle_and_agent_connect_with_10_percent_of_loss_both_ways(px4_types: 
     assert vehicle.is_connected
     assert len(samples) > 1000
     assert {sample.remote.key for sample in samples} == {1}
-    assert agent.lost > 0
+    assert agent.outbox.lost > 0
 
 
 def test_an_answer_waits_while_the_client_waits(px4_types: Any) -> None:

@@ -192,6 +192,16 @@ def test_an_altitude_is_approached_within_the_limits_of_climb_and_sink(higher: f
     assert wings_of(program).airspeed == pytest.approx(max(10.0, min(20.0, airspeed)), abs=0.2)
 
 
+def test_an_altitude_is_above_sea_level_whatever_the_origin_is() -> None:
+    program = flying()
+    program.enter(WINGS)
+    origin, altitude = program.world.origin, program.world.place.altitude
+    program.world.set_origin(origin._replace(altitude=origin.altitude - 40.0))
+    program.before = program.state()
+    steer(program, 8.0, Lateral(course=0.0), Longitudinal(altitude=altitude))
+    assert program.world.place.altitude == pytest.approx(altitude, abs=0.5)
+
+
 def test_a_lateral_acceleration_turns_and_is_limited() -> None:
     program = flying()
     program.enter(WINGS)

@@ -69,7 +69,7 @@ def check(agent: Agent, limits: Limits) -> None:
     assert len(agent._dropped) <= limits.clients
     assert len(agent._connected) <= limits.clients
     assert all(len(told) <= 20 for _, told in agent._warned.values())
-    assert len(agent.refused) < 50
+    assert len(agent.outbox.refused) < 50
     for session in agent._sessions.values():
         inventory = session.inventory
         assert len(inventory) <= limits.entities
@@ -99,7 +99,7 @@ def attack(count: int, seed: int = 1) -> Counter[str]:
         if number % 1000 == 0:
             check(agent, limits)
     check(agent, limits)
-    return agent.refused + Counter(accepted=agent.received, events=events, late=agent.late)
+    return agent.outbox.refused + Counter(accepted=agent.outbox.received, events=events, late=agent.outbox.late)
 
 
 if __name__ == "__main__":

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from msggen.link.link import Link, LinkError, Remote, Route, Service
+from msggen.link.link import Link, Remote, Route, Service
 from msggen.link.serial import SerialLink
 from msggen.link.tap import TapLink
 from msggen.link.udp import UdpLink
 from msggen.sim import Misbehaviour, Options, Simulator
 from support.examples import by_day
 from support.lines import joined
-from support.link_records import Records, nothing_is_left
+from support.link_records import Records
 from support.ports import free_port
 
 COMMAND = "/fmu/in/vehicle_command"
@@ -65,26 +65,6 @@ def arm(link: Link, records: Records, package: Any, remote: Remote) -> None:
     records.wait(lambda: any(status.arming_state == 2 for status in messages(records, package, "VehicleStatus")))
 
 
-@pytest.mark.parametrize("kind", ["udp", "serial", "tap"])
-def test_a_vehicle_is_read_commanded_and_called(kind: str, px4_types: Any) -> None:
-    with line(kind) as (link, address), started(link) as records, Simulator(px4_types, address, [FEW]):
-        service = records.route(SERVICE)
-        assert isinstance(service, Service)
-        (remote,) = records.remotes
-        arm(link, records, px4_types, remote)
-        request = px4_types.srv.VehicleCommand.Request(request=px4_types.VehicleCommand(command=400, param1=0.0))
-        if kind == "tap":
-            with pytest.raises(LinkError, match="through a tap"):
-                link.call(remote, service, 7, request.encode())
-        else:
-            link.call(remote, service, 7, request.encode())
-            records.wait(lambda: records.replies)
-            ((_, _, number, payload),) = records.replies
-            assert number == 7
-            assert px4_types.srv.VehicleCommand.Response.decode(payload).reply.command == 400
-        assert records.losses == []
-
-
 @pytest.mark.slow  # a client waits 1 s for each lost answer
 def test_loss_in_both_directions_is_counted_and_calls_arrive(px4_types: Any) -> None:
     wrong = Misbehaviour(drop=0.1, duplicate=0.05, reorder=0.05, garbage=0.02)
@@ -98,14 +78,6 @@ def test_loss_in_both_directions_is_counted_and_calls_arrive(px4_types: Any) -> 
         records.wait(lambda: records.replies)
         records.wait(lambda: records.losses)
         records.wait(lambda: link.statistics().refused > 0)
-
-
-def test_a_vehicle_that_restarts_is_another_remote(px4_types: Any) -> None:
-    wrong = Misbehaviour(restart_every=0.7)
-    with line("udp") as (link, address), started(link) as records:
-        with Simulator(px4_types, address, [FEW._replace(misbehaviour=wrong)]):
-            records.wait(lambda: {1, 2} <= {remote.number for remote, _ in records.gone})
-        assert len(records.remotes) >= 3
 
 
 def again(link: Link, address: str, state: str = "") -> Link:
@@ -152,16 +124,3 @@ def test_without_a_record_of_its_session_a_vehicle_connects_anew(kind: str, px4_
             arm(after, others, px4_types, remote)
             (warning,) = others.warnings
             assert "has a session with an earlier program, of which there is no record: it connects anew" in warning
-
-
-def test_several_vehicles_share_a_port(px4_types: Any) -> None:
-    fleet = [FEW._replace(key=key, namespace=f"uav_{key}") for key in (1, 2, 3)]
-    with nothing_is_left(), line("udp") as (link, address), started(link) as records:
-        with Simulator(px4_types, address, fleet):
-            records.wait(lambda: len(records.remotes) == 3)
-            assert {remote.key: remote.namespace for remote in records.remotes} == {1: "uav_1", 2: "uav_2", 3: "uav_3"}
-            second = next(remote for remote in records.remotes if remote.key == 2)
-            records.wait(lambda: any(found.remote == second for found in records.samples))
-            records.wait(lambda: len(link.routes(second)) > 60)
-            arm(link, records, px4_types, second)
-        records.wait(lambda: len(records.gone) == 3)

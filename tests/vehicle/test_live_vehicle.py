@@ -122,13 +122,6 @@ def test_two_vehicles_share_a_port(url: str, px4_types: Any) -> None:
             second.subscribe("vehicle_status").wait_for(bool, WAIT)
 
 
-def test_a_port_in_use_names_the_cure(px4_types: Any) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        with pytest.raises(LinkError, match="is in use: MicroXRCEAgent or another program listens there"):
-            Vehicle(f"udp://127.0.0.1:{sock.getsockname()[1]}", px4_types)
-
-
 def test_a_vehicle_that_is_not_allowed_is_refused(url: str, px4_types: Any) -> None:
     refused = pytest.raises(LinkTimeoutError, match=r"refused .*check whether the vehicle's address is allowed")
     with Vehicle(url, allow=["10.0.0.0/8", 3]) as vehicle, simulated(px4_types, url), refused:

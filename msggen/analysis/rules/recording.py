@@ -47,7 +47,7 @@ def _dropouts(flight: Flight) -> Iterator[Seen]:
 
 
 def _jumps(flight: Flight) -> Iterator[Seen | Unsaid]:
-    from msggen.analysis.clock import BACK, GAP, jumps_of
+    from msggen.analysis.flight import BACK, GAP, jumps_of
     from msggen.recordings.source.source import RecordingError
 
     try:
@@ -59,12 +59,12 @@ def _jumps(flight: Flight) -> Iterator[Seen | Unsaid]:
         longest = max(before - after for before, after in back)
         text = f"the log times step back {counted(len(back), 'time')}, by up to {longest:.1f} s"
         values = {"steps": len(back), "longest_s": longest, "limit_s": BACK}
-        yield Seen(text, back[0].after, max(each.before for each in back), values)
+        yield Seen(text, back[0][1], max(before for before, _ in back), values)
     if silent:
         longest = max(after - before for before, after in silent)
         text = f"no topic has a sample for up to {longest:.1f} s, {counted(len(silent), 'time')}"
         values = {"gaps": len(silent), "longest_s": longest, "limit_s": GAP}
-        yield Seen(text, silent[0].before, silent[-1].after, values)
+        yield Seen(text, silent[0][0], silent[-1][1], values)
 
 
 def _end(flight: Flight) -> Iterator[Seen]:

@@ -94,7 +94,7 @@ def _chunk(
         entries["log"], entries["start"] = times[chosen], starts[chosen]
         found[number] = entries.tobytes()
     unsigned = times.astype(np.uint64)  # a damaged time can be 2^63 ns or more
-    return Chunk(data.data, len(data), int(unsigned.min()), int(unsigned.max()), found)
+    return Chunk(data.data, int(unsigned.min()), int(unsigned.max()), found)
 
 
 def _place(buffer: NDArray[np.uint8], starts: NDArray[np.int64], block: Block) -> None:

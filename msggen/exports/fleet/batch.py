@@ -49,9 +49,9 @@ class Task(NamedTuple):
     """The names of recordings that the fleet has already, by path."""
 
     def single(self) -> Iterator[Task]:
-        """Yield tasks with one recording each."""
+        """Yield tasks with one recording each. None of their files has the name of a further one of this task."""
         for number, path in enumerate(self.paths):
-            yield self._replace(paths=(path,), token=f"{self.token}-{number}")
+            yield self._replace(paths=(path,), token=f"{self.token}-0-{number}")
 
 
 class Outcome(NamedTuple):

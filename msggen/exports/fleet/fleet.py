@@ -63,8 +63,7 @@ class Fleet:
             self._take(self._known.data, by)
         self.found = {name: names[name] for name in sorted(names) if is_place(name)}
         self._number = max(map(number_of, self.found), default=0)
-        left = [*self.found.keys() - self.listed(), *filter(is_stage, names)]
-        if left:
+        if left := self._left(names):
             self.commit(self.records)  # what still writes there cannot replace the list any more
             self._remove(left)
 
@@ -84,6 +83,10 @@ class Fleet:
             raise FleetError(f"this fleet is by '{','.join(found.by)}', not by '{','.join(by)}': choose another folder")
         self.by = found.by
         self.records = {record.log: record for record in found.records}
+
+    def _left(self, names: Iterable[str]) -> list[str]:
+        """Return the files and stages that runs have left: the list does not have them."""
+        return [*self.found.keys() - self.listed(), *filter(is_stage, names)]
 
     def listed(self) -> set[str]:
         """Return the places of the files in the list."""

@@ -28,7 +28,7 @@ DIGITS = 8
 """How many digits of its digest the name of a recording has."""
 
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]+")
-_PLACE = re.compile(r"[A-Za-z0-9-][\w.-]*/\d{6,12}-[0-9a-f]{8}(?:-\d{1,6}){0,2}\.parquet", re.ASCII)
+_PLACE = re.compile(r"[A-Za-z0-9-][\w.-]*/\d{6,12}-[0-9a-f]{8}(?:-\d{1,6}){0,3}\.parquet", re.ASCII)
 _STAGE = re.compile(rf"{STATE}/[0-9a-f]{{8}}\.stage")
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?!\d)")
 _LOGGER = "[logger] "

@@ -148,12 +148,7 @@ def _updated(
         for outcome in add(batch, fleet, held, waits=not waits.isdisjoint(batch.task.paths)):
             outcomes.append(outcome)
             progress(Progress(len(outcomes), total, outcome))
-
-    def is_gone(path: str) -> bool:
-        is_missing = path.startswith(f"{folder}/") if is_address(path) else not os.path.lexists(path)
-        return is_missing and path not in there
-
-    copies, replaced = finish(plan, fleet, held, outcomes, is_gone)
+    copies, replaced = finish(plan, fleet, held, outcomes, partial(_is_gone, folder=folder, there=there))
     files = [File(place, fleet.found.get(place, 0)) for place in sorted(fleet.listed())]
     return Summary(
         found=len(found),
@@ -165,6 +160,12 @@ def _updated(
         written=[file for file in files if file.place not in before],
         files=files,
     )
+
+
+def _is_gone(path: str, folder: str, there: Collection[str]) -> bool:
+    """Whether a recording is not at its path any more, by those that were found. A store was listed below a folder."""
+    is_missing = path.startswith(f"{folder}/") if is_address(path) else not os.path.lexists(path)
+    return is_missing and path not in there
 
 
 def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
@@ -262,18 +263,16 @@ def finish(
     changed = with_files(records, added, removed)
     if changed != fleet.records:
         fleet.commit(changed, added, removed)
+    return list(_copies(plan, {path: records[log] for path, log in copied.items()}, outcomes)), replaced
+
+
+def _copies(plan: Plan, copied: Mapping[str, Record], outcomes: Sequence[Outcome]) -> Iterator[Outcome]:
+    """Yield what became of copies. `copied` has the records that are theirs, too."""
     errors = {each.path: each.error for each in outcomes if each.error}
-    return [_copy(path, plan, copied, records, errors) for path in plan.copies], replaced
-
-
-def _copy(
-    path: str, plan: Plan, copied: Mapping[str, str], records: Mapping[str, Record], errors: Mapping[str, str]
-) -> Outcome:
-    """Return what became of a copy."""
-    if path in copied:
-        return Outcome(path, records[copied[path]], is_copy=True)
-    first = plan.firsts.get(plan.copies[path], "")
-    return Outcome(path, error=errors.get(first, "changed while it was read").replace(first, path))
+    for path, digest in plan.copies.items():
+        first = plan.firsts.get(digest, path)
+        error = errors.get(first, "changed while it was read").replace(first, path)
+        yield Outcome(path, copied[path], is_copy=True) if path in copied else Outcome(path, error=error)
 
 
 def _without(gone: Collection[str], places: Collection[str], fleet: Fleet) -> list[File]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import itertools
 import os
 import struct
-from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
@@ -33,8 +32,6 @@ from msggen.link.xrce.streams import NEAR
 from msggen.link.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
 
 DEFAULTS: Final = Limits()
-TICK: Final = 0.1
-"""Seconds between calls of `Agent.tick`."""
 
 _unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id and object id of a WRITE_DATA
 _MOST_MISSING = NEAR - 1
@@ -50,11 +47,6 @@ _OF_SESSIONS = frozenset({wire.GET_INFO, wire.TIMESTAMP, wire.WRITE_DATA, wire.C
 """What PX4's client sends in a session without being asked."""
 
 
-def everybody(address: Address) -> bool:  # noqa: ARG001
-    """Allow every address."""
-    return True
-
-
 class Agent:
     """All clients of one transport.
 
@@ -65,7 +57,7 @@ class Agent:
         self,
         now: float,
         *,
-        allow: Callable[[Address], bool] = everybody,
+        allow: Callable[[Address], bool] = lambda _: True,
         keys: Container[int] | None = None,
         records: Iterable[Record] = (),
         limits: Limits = DEFAULTS,
@@ -87,7 +79,8 @@ class Agent:
         self._keys = keys
         self._limits = limits
         self._time = clock
-        self._outbox = Outbox(limits.outgoing)
+        self.outbox = Outbox(limits.outgoing)
+        """Events, datagrams and counters."""
         self._sessions: dict[Address, Session] = {}  # the one whose last message, without samples, is oldest first
         self._connected: dict[int, Session] = {}
         self._numbers = itertools.count(1)
@@ -98,33 +91,6 @@ class Agent:
         self._dropped: dict[Address, None] = {}  # those whose record is of no use any more
         self._ended: dict[Address, float] = {}  # those whose session has ended here or was refused, and when
         self.resume(records)
-
-    @property
-    def received(self) -> int:
-        """Datagrams from clients that were accepted."""
-        return self._outbox.received
-
-    @property
-    def late(self) -> int:
-        """Datagrams of best-effort streams that were dropped, because the same one or a newer one had been received, or
-        because their sequence number was far from the last one.
-        """
-        return self._outbox.late
-
-    @property
-    def lost(self) -> int:
-        """Missing sequence numbers of all clients."""
-        return self._outbox.lost
-
-    @property
-    def expired(self) -> int:
-        """Messages to clients that were dropped: they could not be sent before they expired."""
-        return self._outbox.expired
-
-    @property
-    def refused(self) -> Counter[str]:
-        """Refusals by reason: malformed, not allowed, or beyond a limit. The set of reasons is fixed."""
-        return self._outbox.refused
 
     def receive(self, data: bytes, address: Address, time: int) -> None:
         """Take a datagram, or the message of a frame. Never raises.
@@ -139,7 +105,7 @@ class Agent:
                 best_effort = session.best_effort
                 missing = (sequence - best_effort.last - 1) & 0xFFFF
                 if route is not None and missing < _MOST_MISSING and 4 <= length <= len(data) - 8:
-                    outbox = self._outbox
+                    outbox = self.outbox
                     if len(data) - 8 < length + 4:  # one submessage
                         if missing:
                             session.miss(missing)
@@ -182,7 +148,7 @@ class Agent:
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""
-        outbox = self._outbox
+        outbox = self.outbox
         events, outbox.events = outbox.events, []
         return events
 
@@ -192,7 +158,7 @@ class Agent:
 
     def take_datagrams(self) -> list[Datagram]:
         """Return the same as `take_outgoing`, with the times until which they may be sent."""
-        outbox = self._outbox
+        outbox = self.outbox
         outgoing, outbox.outgoing = outbox.outgoing, []
         return outgoing
 
@@ -313,7 +279,7 @@ class Agent:
 
     def _receive(self, data: bytes, address: Address, session: Session | None, time: int) -> None:
         """Take any message."""
-        outbox = self._outbox
+        outbox = self.outbox
         if session is None and not self._allow(address):
             outbox.refuse("address that is not allowed")
             self._warn("address", f"refused {host(address)}: only allowed addresses may connect; add it to allow=")
@@ -360,7 +326,7 @@ class Agent:
             self._create_client(header, wire.CreateClient.unpack(submessage.payload), address, session)
         else:
             raise WireError("submessage that needs a session")
-        self._outbox.received += 1
+        self.outbox.received += 1
 
     def _stranger(self, header: wire.Header, body: bytes, address: Address) -> None:
         """Take a message of a session that this agent has not begun: its client has to connect anew."""
@@ -375,7 +341,7 @@ class Agent:
             self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
         else:
             raise WireError("message of an unknown session")
-        self._outbox.received += 1
+        self.outbox.received += 1
 
     def _note_end(self, address: Address) -> None:
         """Take note of a session that has ended here, or was refused: what its client still sends in it is not told."""
@@ -422,7 +388,7 @@ class Agent:
             else:
                 status = wire.ERR_RESOURCES
                 self._note_end(address)
-                self._outbox.refuse("too many clients")
+                self.outbox.refuse("too many clients")
                 self._warn(
                     "room",
                     f"refused {host(address)}: {self._limits.clients} vehicles are connected, the most for a port",
@@ -446,7 +412,7 @@ class Agent:
         return True
 
     def _begin(self, create: wire.CreateClient, address: Address) -> Session:
-        session = Session(create, address, self._outbox, self._limits, self._named, self._time)
+        session = Session(create, address, self.outbox, self._limits, self._named, self._time)
         session.heard_at = session.written_at = session.begun_at = self._clock
         self._sessions[address] = session
         return session
@@ -519,7 +485,7 @@ class Agent:
 
     def _send(self, header: wire.Header, submessage: bytes, address: Address) -> None:
         """Send a submessage outside of streams, with the session id and key of a header."""
-        self._outbox.send(wire.HEADER.pack(header.session_id, 0, 0) + header.key + submessage, address)
+        self.outbox.send(wire.HEADER.pack(header.session_id, 0, 0) + header.key + submessage, address)
 
     def _warn(self, kind: str, text: str) -> None:
         """Tell the user, each text once, as long as there are few texts of its kind."""
@@ -528,7 +494,7 @@ class Agent:
             since, told = self._warned[kind] = self._clock, set()
         if text not in told and len(told) < _WARNINGS:
             told.add(text)
-            self._outbox.events.append(Warned(text))
+            self.outbox.events.append(Warned(text))
 
 
 def _first(body: bytes) -> wire.Submessage:

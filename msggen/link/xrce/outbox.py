@@ -29,10 +29,16 @@ class Outbox:
         self.events: list[Event] = []
         self.outgoing: list[Datagram] = []
         self.received = 0
+        """Datagrams from clients that were accepted."""
         self.late = 0
+        """Datagrams of best-effort streams that were dropped, because the same one or a newer one had been received, or
+        because their sequence number was far from the last one."""
         self.expired = 0
+        """Messages to clients that were dropped: they could not be sent before they expired."""
         self.lost = 0
+        """Missing sequence numbers of all clients."""
         self.refused: Counter[str] = Counter()
+        """Refusals by reason: malformed, not allowed, or beyond a limit. The set of reasons is fixed."""
 
     def send(self, data: bytes, address: Address, until: int = NEVER) -> None:
         """Add a datagram, up to the limit."""

@@ -59,12 +59,11 @@ class BestEffortInput:
 class ReliableInput:
     """The receiving end of a reliable stream: returns messages in order, each once."""
 
-    __slots__ = ("_announced", "_waiting", "_window", "expected")
+    __slots__ = ("_announced", "_waiting", "expected")
 
-    def __init__(self, expected: int | None = 0, window: int = INPUT_WINDOW) -> None:
+    def __init__(self, expected: int | None = 0) -> None:
         self.expected = expected
         """The number of the first message that was not received. None takes the first number that is seen."""
-        self._window = window
         self._announced = 0  # how many numbers from `expected` on the sender is known to have used
         self._waiting: dict[int, bytes] = {}
 
@@ -73,7 +72,7 @@ class ReliableInput:
         if self.expected is None:
             self.expected = sequence
         ahead = distance(self.expected, sequence)
-        if not 0 <= ahead < self._window:
+        if not 0 <= ahead < INPUT_WINDOW:
             return []
         self._announced = max(self._announced, ahead + 1)
         self._waiting.setdefault(sequence, body)
@@ -90,7 +89,7 @@ class ReliableInput:
         if gone > 0:
             self._waiting = {number: body for number, body in self._waiting.items() if distance(first, number) >= 0}
             self._advance(gone)
-        self._announced = max(self._announced, min(distance(self.expected, last) + 1, self._window))
+        self._announced = max(self._announced, min(distance(self.expected, last) + 1, INPUT_WINDOW))
         return self._take()
 
     def acknack(self) -> tuple[int, int] | None:
@@ -118,20 +117,19 @@ class ReliableInput:
 class ReliableOutput:
     """The sending end of a reliable stream: keeps messages until they are acknowledged."""
 
-    __slots__ = ("_kept", "_start", "_until", "_window", "next")
+    __slots__ = ("_kept", "_start", "_until", "next")
 
-    def __init__(self, start: int = 0, window: int = OUTPUT_WINDOW) -> None:
+    def __init__(self, start: int = 0) -> None:
         self.next = start
         """The number of the next message."""
         self._start = start
-        self._window = window
         self._kept: dict[int, bytes] = {}  # in order
         self._until: dict[int, int] = {}
 
     @property
     def is_full(self) -> bool:
         """Whether the window is full."""
-        return len(self._kept) >= self._window
+        return len(self._kept) >= OUTPUT_WINDOW
 
     @property
     def is_fresh(self) -> bool:

@@ -31,14 +31,32 @@ def sources_of(topics: Iterable[Topic], path: str, other: Sources | None = None)
     recording does not have its text, and so are the constants and the order of fields of a ULog, which has neither.
     Notices are about topics without a definition, and about second definitions of a message. Raises InputError.
     """
-    found = _Found(path, _Other.of(other))
+    known = None if other is None else _Other.of(other)
+    texts: dict[str, str] = {}
+    labels: dict[str, str] = {}
+    told: list[str] = []
     for topic in topics:
-        found.add(topic)
-    package = found.package
-    if not any(key.startswith(f"{package}/") for key in found.texts):
+        own = dict(_texts_of(topic, known))
+        if not own:
+            kind = "another type hash, and no definition" if topic.type_hash and known else "no definition"
+            told.append(f"'{topic.label}' ({topic.ros_type}) has {kind}: not compared")
+        for key, text in own.items():
+            before, first = texts.setdefault(key, text), labels.setdefault(key, topic.label)
+            if before != text and not _is_same(before, text):
+                name = key.partition("/")[2]
+                told.append(f"'{topic.label}' has another definition of {name} than '{first}': not compared")
+    owners = [key.partition("/")[0] for key in texts]
+    package = DEFAULT_PACKAGE if DEFAULT_PACKAGE in owners or not owners else _most(owners)
+    if package not in owners:
         raise input_error(path, "S102", "the recording has no definitions of PX4's messages", 0)
-    sources = _sources(path, package, found.texts)
-    return sources._replace(is_partial=True, notices=(*sources.notices, *found.notices))
+    sources = _sources(path, package, texts)
+    notices = (Diagnostic(Location(path, 0), _NOT_COMPARED, text) for text in told)
+    return sources._replace(is_partial=True, notices=(*sources.notices, *notices))
+
+
+def _most(owners: list[str]) -> str:
+    """Return the package with the most definitions."""
+    return max(sorted(set(owners)), key=owners.count)
 
 
 def sources_of_package(package: Any, topics: Iterable[Topic]) -> Sources:
@@ -53,7 +71,7 @@ def sources_of_package(package: Any, topics: Iterable[Topic]) -> Sources:
     if not texts:
         raise input_error(package.__name__, "S102", "it has no definition of the recording's types", 0)
     owners = [key.partition("/")[0] for key in texts]
-    return _sources(package.__name__, max(sorted(set(owners)), key=owners.count), texts)._replace(is_partial=True)
+    return _sources(package.__name__, _most(owners), texts)._replace(is_partial=True)
 
 
 def _sources(label: str, package: str, texts: Mapping[str, str]) -> Sources:
@@ -75,10 +93,8 @@ class _Other(NamedTuple):
     texts: Mapping[str, str]
 
     @classmethod
-    def of(cls, sources: Sources | None) -> _Other | None:
+    def of(cls, sources: Sources) -> _Other:
         """Return the definitions of a source."""
-        if sources is None:
-            return None
         catalog = read_catalog(sources, tolerated=COMPARABLE)
         texts = {file.path: read_file(file).decode(errors="replace") for file in sources.messages}
         return cls(catalog, texts)
@@ -104,49 +120,16 @@ class _Other(NamedTuple):
         return [lines[constant.location.line - 1] for constant in message.constants]
 
 
-class _Found:
-    """The definitions that were found in a recording, by their keys."""
-
-    def __init__(self, path: str, other: _Other | None) -> None:
-        self.texts: dict[str, str] = {}
-        self.notices: list[Diagnostic] = []
-        self._path = path
-        self._other = other
-        self._topics: dict[str, str] = {}
-
-    @property
-    def package(self) -> str:
-        """The package of PX4's messages: px4_msgs, or else the one with the most definitions."""
-        owners = [key.partition("/")[0] for key in self.texts]
-        if DEFAULT_PACKAGE in owners or not owners:
-            return DEFAULT_PACKAGE
-        return max(sorted(set(owners)), key=owners.count)
-
-    def add(self, topic: Topic) -> None:
-        """Take the definition of a topic, and those that it nests."""
-        texts = dict(self._texts_of(topic))
-        if not texts:
-            kind = "another type hash, and no definition" if topic.type_hash and self._other else "no definition"
-            self._tell(f"'{topic.label}' ({topic.ros_type}) has {kind}: not compared")
-        for key, text in texts.items():
-            known = self.texts.setdefault(key, text)
-            first = self._topics.setdefault(key, topic.label)
-            if known != text and not _is_same(known, text):
-                name = key.partition("/")[2]
-                self._tell(f"'{topic.label}' has another definition of {name} than '{first}': not compared")
-
-    def _texts_of(self, topic: Topic) -> Iterator[tuple[str, str]]:
-        message = self._other.message_of(topic) if self._other else None
-        if topic.recorded_definition and is_of_ulog(topic) and self._other and message:
-            yield from _of_ulog(topic, self._other, message)
-        elif topic.recorded_definition:
-            yield from definitions_in(topic.ros_type, topic.definition).items()
-        elif self._other and message and topic.type_hash == type_hash(self._other.catalog, message):
-            for each in (message, *self._other.catalog.nested_all(message)):
-                yield each.key, self._other.text(each)
-
-    def _tell(self, text: str) -> None:
-        self.notices.append(Diagnostic(Location(self._path, 0), _NOT_COMPARED, text))
+def _texts_of(topic: Topic, other: _Other | None) -> Iterator[tuple[str, str]]:
+    """Yield the definition of a topic, and those that it nests, by their keys."""
+    message = other.message_of(topic) if other else None
+    if topic.recorded_definition and is_of_ulog(topic) and other and message:
+        yield from _of_ulog(topic, other, message)
+    elif topic.recorded_definition:
+        yield from definitions_in(topic.ros_type, topic.definition).items()
+    elif other and message and topic.type_hash == type_hash(other.catalog, message):
+        for each in (message, *other.catalog.nested_all(message)):
+            yield each.key, other.text(each)
 
 
 def _of_ulog(topic: Topic, other: _Other, message: Message) -> Iterator[tuple[str, str]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted
@@ -120,19 +120,18 @@ def release_of(topics: Iterable[Topic], version: str) -> Release:
     """Return the release of PX4 that topics are from, by the version that a ULog tells, and by their definitions."""
     recorded = list(_recorded(topics))
     told = "" if "-" in version else version.rpartition(".")[0]
-    known = [_Definitions(release) for release in ((told,) if told in EMBEDDED else EMBEDDED)]
-    known_names = {each.message for each in recorded if any(one.has_name(each.message) for one in known)}
+    known = (told,) if told in EMBEDDED else EMBEDDED
+    known_names = {each.message for each in recorded if any(_text(release, each.message) for release in known)}
     packages = {each.package for each in recorded if each.message in known_names} | {DEFAULT_PACKAGE}
     compared = [each for each in recorded if each.package in packages]
-    same = {one.release: [each for each in compared if one.has(each)] for one in known}
+    same = {release: [each for each in compared if _has(release, each)] for release in known}
     most = max(map(len, same.values()), default=0)
     is_near = most and most >= len(compared) / 2
     releases = tuple(release for release in same if release == told or (is_near and len(same[release]) == most))
     if not releases:
         return Release((), version, (), ())
-    own = next(one for one in known if one.release == releases[0])
     names = {each.message for each in compared}
-    differing = {each.message for each in compared if not own.has(each)}
+    differing = {each.message for each in compared if each not in same[releases[0]]}
     return Release(releases, version, tuple(sorted(names)), tuple(sorted(differing)))
 
 
@@ -151,38 +150,29 @@ class _Recorded(NamedTuple):
         return _content_of(self.ros_type, self.definition)
 
 
-class _Definitions:
-    """The definitions of an embedded release."""
+def _text(release: str, key: str) -> str:
+    """Return the definition of a message, whatever its package is called, "" if the release does not have it."""
+    return all_releases().stored(release, f"{key.rpartition('/')[2]}.msg")[1]
 
-    def __init__(self, release: str) -> None:
-        self.release = release
 
-    def has_name(self, message: str) -> bool:
-        """Whether the release has a message of this name."""
-        return bool(self._text(message))
-
-    def _text(self, key: str) -> str:
-        """Return the definition of a message, whatever its package is called, "" if the release does not have it."""
-        return all_releases().stored(self.release, f"{key.rpartition('/')[2]}.msg")[1]
-
-    def has(self, recorded: _Recorded) -> bool:
-        """Whether a recorded definition has the fields of this release, in any order: a ULog has another one."""
-        if not self.has_name(recorded.message):
-            return False
-        content = recorded.content
-        own = plain_content(self._text, f"{recorded.package}/{recorded.message}") if content else None
-        if own is not None:
-            return content == own
-        found = embedded(self.release, recorded.message, recorded.package)
-        if found is None:
-            return False
-        if recorded.type_hash and recorded.type_hash == type_hash(*found):
-            return True
-        try:
-            schema = read_schema(recorded.ros_type, recorded.definition)
-        except SchemaError:
-            return False
-        return content_of(schema.catalog, schema.message) == content_of(*found)
+def _has(release: str, recorded: _Recorded) -> bool:
+    """Whether a recorded definition has the fields of a release, in any order: a ULog has another one."""
+    if not _text(release, recorded.message):
+        return False
+    content = recorded.content
+    own = plain_content(partial(_text, release), f"{recorded.package}/{recorded.message}") if content else None
+    if own is not None:
+        return content == own
+    found = embedded(release, recorded.message, recorded.package)
+    if found is None:
+        return False
+    if recorded.type_hash and recorded.type_hash == type_hash(*found):
+        return True
+    try:
+        schema = read_schema(recorded.ros_type, recorded.definition)
+    except SchemaError:
+        return False
+    return content_of(schema.catalog, schema.message) == content_of(*found)
 
 
 @lru_cache(1024)

@@ -28,6 +28,7 @@ _LEAST_LIMIT = 1 << 27
 _STEP = 1 << 16
 _FILE_STEP = 1 << 14
 """The bytes of a file that are read, or made, at a time: those of a step with an error are lost."""
+_NO_END = "the compressed content has no end"
 
 
 class CompressionError(ValueError):
@@ -229,8 +230,11 @@ def _pieces_of_gzip(source: BinaryIO) -> Iterator[bytes]:
     import gzip
 
     reader = gzip.GzipFile(fileobj=source)
-    while data := reader.read1(_FILE_STEP):
-        yield data
+    try:
+        while data := reader.read1(_FILE_STEP):
+            yield data
+    except EOFError:
+        raise EOFError(_NO_END) from None
 
 
 def _pieces_of_zstd(source: BinaryIO, front: bytes) -> Iterator[bytes]:
@@ -265,7 +269,7 @@ def _pieces_of_members(source: BinaryIO, make: Callable[[], Member]) -> Iterator
         elif not found:
             data = source.read(_FILE_STEP)
             if not data:
-                raise EOFError("the compressed content has no end")
+                raise EOFError(_NO_END)
 
 
 def _bzip2() -> Member:

@@ -31,14 +31,6 @@ _NEAR = 10**9
 """How far in ns an event can be from the line of the log that says the same."""
 
 
-class Events(NamedTuple):
-    """The events of a recording."""
-
-    events: Sequence[Event]
-    notes: Sequence[str]
-    """Why events are not decoded, a line each."""
-
-
 class Packed(NamedTuple):
     """An event as PX4 sends it. The time is in ns."""
 
@@ -59,8 +51,10 @@ def read_events(
     decoded: Iterable[Topic],
     read: Callable[[Topic], Samples],
     information: Mapping[str, object],
-) -> Events:
+) -> tuple[Sequence[Event], Sequence[str]]:
     """Return the events in some topics, by log time, with the metadata that a ULog has among its information.
+
+    Return also why events are not decoded, a line each.
 
     Without samples or metadata, they are those in topics of `decoded` events, if there are any.
     """
@@ -69,7 +63,7 @@ def read_events(
     if not samples or _METADATA not in information:
         known = sorted((each for topic in decoded for each in decoded_events(read(topic))), key=lambda each: each.time)
         if known or not samples:
-            return Events(known[:_MOST], list(_too_many(known)))
+            return known[:_MOST], list(_too_many(known))
     notes = list(_too_many(samples))
     del samples[_MOST:]
     numbers = {each.number for each in samples}
@@ -77,9 +71,9 @@ def read_events(
         definitions = read_definitions(metadata_in(information), numbers)
     except EventMetadataError as error:
         notes.append(f"{counted(len(samples), 'event')} not decoded: {_METADATA} {error}")
-        return Events([event_of(each, None) for each in samples], notes)
+        return [event_of(each, None) for each in samples], notes
     events = [event_of(each, definitions.get(each.number)) for each in samples]
-    return Events(events, [*notes, *_left(events, definitions)])
+    return events, [*notes, *_left(events, definitions)]
 
 
 def _too_many(events: Sequence[object]) -> Iterator[str]:

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from msggen.recordings.definitions.release import Release
     from msggen.recordings.log.ahead import Ahead
     from msggen.recordings.log.align import Aligned, Direction
-    from msggen.recordings.log.events import Events
     from msggen.recordings.log.payloads import Sample
 
     MessageT = TypeVar("MessageT")
@@ -160,15 +159,16 @@ class Log:
     @property
     def events(self) -> Sequence[Event]:
         """The events of the vehicle by log time, decoded with the metadata in a ULog, or as `/events` has them."""
-        return self._decoded_events.events
+        return self._decoded_events[0]
 
     @property
     def event_notes(self) -> Sequence[str]:
         """Why events are not decoded, a line each."""
-        return self._decoded_events.notes
+        return self._decoded_events[1]
 
     @cached_property
-    def _decoded_events(self) -> Events:
+    def _decoded_events(self) -> tuple[Sequence[Event], Sequence[str]]:
+        """The events, and why some are not decoded."""
         from msggen.recordings.log.decoded_events import is_decoded
         from msggen.recordings.log.events import has_events, read_events
 

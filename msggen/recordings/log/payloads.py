@@ -39,8 +39,8 @@ def merged(streams: Sequence[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
     """
     if len(streams) == 1:  # as fast as the stream alone
         return streams[0][1]
-    merged = merge(*(_from(*each) for each in streams), key=lambda each: (each.time, type(each) is Sample))
-    return (sample for sample in merged if type(sample) is Sample)
+    found = merge(*(_from(*each) for each in streams), key=lambda each: (each.time, type(each) is Sample))
+    return (sample for sample in found if type(sample) is Sample)
 
 
 class _Begin(Sample):

@@ -59,7 +59,7 @@ def client_for(place: str, address: str) -> ObjectStore | Server:
         from obstore.store import from_url
     scheme = scheme_of(place)
     if scheme in ("http", "https"):
-        return Server(limits.LIMITS)
+        return Server()
     try:
         if scheme == "s3":
             return _s3(place, address)

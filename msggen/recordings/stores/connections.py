@@ -14,6 +14,7 @@ from urllib.parse import unquote, urlsplit
 from urllib.request import getproxies, proxy_bypass
 from weakref import finalize
 
+from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import UNREACHABLE
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from http.client import HTTPResponse
     from urllib.parse import SplitResult
 
-    from msggen.recordings.stores.limits import Limits
 
 _PORTS = {"http": 80, "https": 443}
 _OF_PROXY = "Proxy-Authorization"
@@ -70,8 +70,7 @@ def authorization(header: str, url: SplitResult) -> dict[str, str]:
 class Connections:
     """Connections that wait to be used again. An instance can be used by several threads."""
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self) -> None:
         self._idle: dict[Origin, list[HTTPConnection]] = {}
         finalize(self, _close, self._idle)
 
@@ -85,12 +84,12 @@ class Connections:
         try:
             connection = idle.pop()
         except IndexError:
-            connection = _connected(origin, self._limits)
+            connection = _connected(origin)
         proxy = _proxy(origin)
         if proxy and origin.scheme == "http":
             target, headers = f"http://{origin.place}{target}", {**headers, **authorization(_OF_PROXY, proxy)}
         try:
-            with _ending(connection.sock, self._limits.total):
+            with _ending(connection.sock, limits.LIMITS.total):
                 connection.request("GET", target, headers=headers)
                 response = connection.getresponse()
                 with response:
@@ -106,15 +105,15 @@ class Connections:
             connection.close()
 
 
-def _connected(origin: Origin, limits: Limits) -> HTTPConnection:
+def _connected(origin: Origin) -> HTTPConnection:
     """Return a new connection, through the proxy that the environment names."""
     proxy = _proxy(origin)
     host, port = (proxy.hostname, proxy.port or 80) if proxy else origin[1:]
     try:
         if origin.scheme == "http":
-            connection = HTTPConnection(host or "", port, timeout=limits.connect)
+            connection = HTTPConnection(host or "", port, timeout=limits.LIMITS.connect)
         else:
-            connection = HTTPSConnection(host or "", port, timeout=limits.connect, context=_context())
+            connection = HTTPSConnection(host or "", port, timeout=limits.LIMITS.connect, context=_context())
             if proxy:
                 connection.set_tunnel(*origin[1:], headers=authorization(_OF_PROXY, proxy))
         connection.connect()
@@ -123,7 +122,7 @@ def _connected(origin: Origin, limits: Limits) -> HTTPConnection:
     except (OSError, UnicodeError) as error:  # a label of a host can be too long
         reason = str(getattr(error, "strerror", "") or error)
         raise FailedError(f"{UNREACHABLE}: {reason}".rstrip(": .")) from None
-    connection.sock.settimeout(limits.read)
+    connection.sock.settimeout(limits.LIMITS.read)
     return connection
 
 

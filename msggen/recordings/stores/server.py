@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote, urljoin, urlsplit
 
 from msggen.base.version import __version__
+from msggen.recordings.stores import limits
 from msggen.recordings.stores.connections import Connections, FailedError, authorization, origin_of
 from msggen.recordings.stores.errors import (
     BROKEN,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from http.client import HTTPResponse
     from urllib.parse import SplitResult
 
-    from msggen.recordings.stores.limits import Limits
 
 _MOVED = (301, 302, 303, 307, 308)
 _PASSING = (408, 429, *range(500, 600))
@@ -83,9 +83,8 @@ class _Answer(NamedTuple):
 class Server:
     """The files of servers, by their addresses. Methods raise StoreError. Several threads can use an instance."""
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
-        self._connections = Connections(limits)
+    def __init__(self) -> None:
+        self._connections = Connections()
 
     def get(self, address: str, start: int, stop: int, tag: str | None) -> tuple[Stored, bytes]:
         """Return a range of a file, as far as the file goes. Raises ChangedError if it is not of the version `tag`.
@@ -95,7 +94,7 @@ class Server:
         url = urlsplit(address)
         headers = {"User-Agent": f"msggen/{__version__}", "Range": f"bytes={start}-{stop - 1}"}
         headers |= authorization("Authorization", url) | ({"If-Match": tag} if tag else {})
-        end = monotonic() + self._limits.total
+        end = monotonic() + limits.LIMITS.total
         for _ in range(_REDIRECTS + 1):
             answer, tries = self._repeat(_Question(address, headers, start, stop), url)
             if answer.status == HTTPStatus.PARTIAL_CONTENT:
@@ -111,10 +110,10 @@ class Server:
 
     def _repeat(self, question: _Question, url: SplitResult) -> tuple[_Answer, int]:
         """Return the answer to a request, which is sent again if it fails, and how often it was sent."""
-        end, tries = monotonic() + self._limits.retry, 0
+        end, tries = monotonic() + limits.LIMITS.retry, 0
         while True:
             tries += 1
-            is_last = tries > self._limits.retries or monotonic() > end
+            is_last = tries > limits.LIMITS.retries or monotonic() > end
             try:
                 answer = self._send(question, url)
             except FailedError as error:
@@ -123,7 +122,7 @@ class Server:
             else:
                 if is_last or answer.status not in _PASSING:
                     return answer, tries
-            sleep(self._limits.backoff * 2 ** (tries - 1))
+            sleep(limits.LIMITS.backoff * 2 ** (tries - 1))
 
     def _send(self, question: _Question, url: SplitResult) -> _Answer:
         """Send a request once. Raises FailedError if it can be sent again."""

@@ -78,8 +78,8 @@ class Checks:
         """Whether no further check can be registered."""
         return len(self.registered) == CHECKS
 
-    def register(self, mode: int = _NO_MODE) -> int:
-        """Add a check, and return its id."""
+    def register(self, mode: int) -> int:
+        """Add the check of a mode, or of none, and return its id."""
         number = next(each for each in range(CHECKS) if each not in self.registered)
         self.registered[number] = Check(mode)
         self._replies.setdefault(number, Reply())

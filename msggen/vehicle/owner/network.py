@@ -389,8 +389,8 @@ class Network(Listener):
             return
         try:
             data = topic.message.decode(payload).encode()
-            published_by = arrived if is_since_1970(told.time) else until - LONGEST_NS
-            waited = self._waiting.of((name, told.gid), published_by - told.time, arrived, until - LONGEST_NS)
+            clock = arrived if is_since_1970(told.time) else until - LONGEST_NS  # the one that it tells
+            waited = self._waiting.of((name, told.gid), clock - told.time, arrived, until - LONGEST_NS)
             self._link.publish(vehicle.entry.remote, topic.route, data, until - waited)
         except (LinkError, ValueError) as error:
             self.refusals.add(name, error)

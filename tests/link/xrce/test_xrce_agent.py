@@ -19,7 +19,6 @@ from msggen.link.link import (
     Sample,
     Service,
     Warned,
-    deliver,
 )
 from msggen.link.xrce import entities, wire
 from msggen.link.xrce.agent import Agent
@@ -50,7 +49,7 @@ def test_a_client_connects_and_opens_its_routes() -> None:
     ]
     assert client.statuses() == [wire.OK] * 8
     assert world.agent.routes(1) == [ROUTE, READ, SERVED]
-    assert world.agent.refused == {}
+    assert world.agent.outbox.refused == {}
 
 
 def test_an_agent_is_settled_when_all_who_send_have_had_time_to_connect() -> None:
@@ -84,33 +83,6 @@ def test_a_client_that_falls_silent_while_it_connects_is_not_waited_for() -> Non
     assert world.agent.is_settled()
 
 
-def test_events_are_the_methods_of_a_listener() -> None:
-    world, client = connected()
-    calls: list[tuple[object, ...]] = []
-
-    class Listener:
-        def __getattr__(self, name: str) -> object:
-            return lambda *arguments: calls.append((name, *arguments))
-
-    client.write(1, b"a")
-    client.next += 2
-    client.write(1, b"b")
-    client.delete()
-    world.settle()
-    deliver(world.events, Listener())  # type: ignore[arg-type]
-    remote = world.all(Connected)[0].remote
-    assert calls == [
-        ("connected", remote),
-        ("opened", remote, ROUTE),
-        ("opened", remote, READ),
-        ("opened", remote, SERVED),
-        ("sample", remote, ROUTE, LE + b"a", 0),
-        ("lost", remote, 2),
-        ("sample", remote, ROUTE, LE + b"b", 0),
-        ("disconnected", remote, "the vehicle has ended the session"),
-    ]
-
-
 @pytest.mark.parametrize("session_id", [0x01, 0x7F, 0x81, 0x82, 0xFF])
 def test_a_session_has_any_id(session_id: int) -> None:
     """Below 0x80 each header has the key."""
@@ -122,7 +94,7 @@ def test_a_session_has_any_id(session_id: int) -> None:
     world.settle()
     assert client.samples() == [b"data"]
     assert client.statuses() == [wire.OK] * 8
-    assert world.agent.refused == {}
+    assert world.agent.outbox.refused == {}
 
 
 @pytest.mark.parametrize(("session_id", "key"), [(0x82, 1), (0x01, 1), (0x01, 2)])
@@ -133,7 +105,7 @@ def test_a_wrong_session_id_or_key_is_refused(session_id: int, key: int) -> None
     world.clients = [stranger]
     world.settle()
     assert world.all(Sample) == []
-    assert world.agent.refused == {"wrong session id or key": 1}
+    assert world.agent.outbox.refused == {"wrong session id or key": 1}
 
 
 def test_a_ping_tells_whether_there_is_a_session() -> None:
@@ -171,7 +143,7 @@ def test_a_silent_client_is_disconnected_and_forgotten() -> None:
     client.write(1, b"b")
     world.settle()
     assert len(world.all(Connected)) == len(world.all(Disconnected)) == 2
-    assert world.agent.refused == {"message of an unknown session": 1}
+    assert world.agent.outbox.refused == {"message of an unknown session": 1}
     assert world.agent._sessions == {}
 
 
@@ -226,7 +198,7 @@ def test_jumps_of_the_clock_disconnect_nobody() -> None:
         world.agent.receive(wire.HEADER.pack(0x81, 0, 0) + wire.Timestamp(5).pack(), client.address, time)
     world.settle()
     assert len(client.all(wire.TIMESTAMP_REPLY)) == 5
-    assert world.agent.refused == {}
+    assert world.agent.outbox.refused == {}
 
 
 def test_the_time_is_answered() -> None:
@@ -436,7 +408,7 @@ def test_late_and_doubled_samples_are_dropped_and_gaps_are_counted() -> None:
     world.settle()
     assert [event.payload[4:] for event in world.all(Sample)] == [b"1", b"3", b"5"]
     assert [event.missing for event in world.all(Lost)] == [1, 1, 1]
-    assert (world.agent.lost, world.agent.late) == (3, 4)
+    assert (world.agent.outbox.lost, world.agent.outbox.late) == (3, 4)
 
 
 @pytest.mark.parametrize("is_fast", [True, False])
@@ -451,7 +423,7 @@ def test_numbers_that_are_near_and_newer_are_taken(ahead: int, arrives: bool, is
     client.write(1, b"b")
     world.settle()
     assert len(world.all(Sample)) == 1 + arrives
-    assert world.agent.lost == (min(ahead - 1, LOSSES) if arrives else 0)
+    assert world.agent.outbox.lost == (min(ahead - 1, LOSSES) if arrives else 0)
 
 
 @pytest.mark.parametrize("is_fast", [True, False])
@@ -463,12 +435,12 @@ def test_a_burst_is_counted_as_a_whole_when_the_vehicle_goes_on(gap: int, is_fas
     session = world.agent._sessions[client.address]
     client.next += gap
     for number in range(-(-gap // LOSSES)):
-        assert world.agent.lost == number * LOSSES
+        assert world.agent.outbox.lost == number * LOSSES
         if not is_fast:
             session.fast_id = -1
         client.write(1, b"b")
         world.settle()
-    assert world.agent.lost == sum(event.missing for event in world.all(Lost)) == gap
+    assert world.agent.outbox.lost == sum(event.missing for event in world.all(Lost)) == gap
     assert session.fast_id == client.session_id
     assert len(world.all(Sample)) + gap == client.next
 
@@ -483,7 +455,7 @@ def test_forged_numbers_count_for_little_more_than_what_was_sent(steps: tuple[in
         client.write(1, bytes(4))
     world.settle()
     assert len(world.all(Connected)) == 1
-    assert 3000 < world.agent.lost <= LOSSES * 3005
+    assert 3000 < world.agent.outbox.lost <= LOSSES * 3005
 
 
 def test_forged_numbers_count_for_little_more_when_the_vehicle_goes_on() -> None:
@@ -492,7 +464,7 @@ def test_forged_numbers_count_for_little_more_when_the_vehicle_goes_on() -> None
         client.next = (client.next + 30000 * (number % 2 and number < 200)) % 65536
         client.write(1, bytes(4))
     world.settle()
-    assert world.agent.lost <= 0x8000 + 200 * LOSSES
+    assert world.agent.outbox.lost <= 0x8000 + 200 * LOSSES
     assert world.agent._sessions[client.address].fast_id == client.session_id
 
 
@@ -506,7 +478,7 @@ def test_a_forged_number_neither_counts_as_lost_nor_hides_what_follows(number: i
         client.next = real
     world.settle()
     assert [event.payload for event in world.all(Sample)] == [LE + b"real"] * 10
-    assert (world.agent.lost, world.agent.late) == (0, 10)
+    assert (world.agent.outbox.lost, world.agent.outbox.late) == (0, 10)
 
 
 def test_a_damaged_message_does_not_move_the_number() -> None:
@@ -516,8 +488,8 @@ def test_a_damaged_message_does_not_move_the_number() -> None:
         client.outgoing.append(b"\x81\x01" + (number + 500).to_bytes(2, "little") + b"\x07\x01\xff\xff damaged")
     world.settle()
     assert len(world.all(Sample)) == 10
-    assert world.agent.lost == 0
-    assert world.agent.refused == {"submessage longer than its message": 10}
+    assert world.agent.outbox.lost == 0
+    assert world.agent.outbox.refused == {"submessage longer than its message": 10}
 
 
 @pytest.mark.parametrize("gap", [2000, 30000])
@@ -530,7 +502,7 @@ def test_a_long_gap_is_counted_once_the_stream_goes_on(gap: int) -> None:
         client.write(1, b"b")
     world.settle()
     assert len(world.all(Sample)) == 1 + 1999
-    assert len(world.all(Sample)) + world.agent.lost == client.next
+    assert len(world.all(Sample)) + world.agent.outbox.lost == client.next
 
 
 def test_a_stream_that_begins_anew_goes_on_after_two_messages() -> None:
@@ -580,7 +552,7 @@ def test_best_effort_wraps_both_ways() -> None:
             world.settle()
     world.settle()
     assert len(world.all(Sample)) == len(client.samples()) == 2000
-    assert (world.agent.lost, world.agent.late) == (0, 0)
+    assert (world.agent.outbox.lost, world.agent.outbox.late) == (0, 0)
 
 
 def answer_one(world: World, client: Client, number: int) -> None:
@@ -639,7 +611,7 @@ def test_reliable_streams_wrap_both_ways() -> None:
     session.input.expected = client.output.next = 65520
     for number in (1, 2**32 - 1, 2**32, 2**63 - 1, *range(10, 300)):
         answer_one(world, client, number)
-    assert world.agent.refused == {}
+    assert world.agent.outbox.refused == {}
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -671,8 +643,8 @@ def test_everything_arrives_over_a_bad_network(seed: int) -> None:
     assert [event.number for event in world.all(Replied)] == list(range(1, 101))
     arrived = [event.payload[4] for event in world.all(Sample)]
     assert arrived == sorted(set(arrived))
-    assert len(arrived) + world.agent.lost == arrived[-1]
-    assert world.agent.refused == {}
+    assert len(arrived) + world.agent.outbox.lost == arrived[-1]
+    assert world.agent.outbox.refused == {}
 
 
 def test_a_fragmented_entity_is_created() -> None:
@@ -695,11 +667,11 @@ def test_fragments_that_never_end_are_bounded() -> None:
         client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, bytes(1000)))
         world.settle()
         assert len(world.agent._find(1)._fragments._joined) <= 65536
-    assert world.agent.refused == {"fragments beyond the limit": 3}
+    assert world.agent.outbox.refused == {"fragments beyond the limit": 3}
     client.delete(entities.object_id(1, entities.WRITER))
     client.participate()
     world.settle()
-    assert world.agent.refused["fragments without an end"] == 1
+    assert world.agent.outbox.refused["fragments without an end"] == 1
     assert client.statuses()[-2:] == [wire.OK, wire.OK]
 
 
@@ -713,7 +685,7 @@ def test_a_message_between_fragments_ends_them() -> None:
     client.send(wire.RELIABLE, wire.pack_submessage(wire.FRAGMENT, whole[20:], last))
     world.settle()
     assert client.statuses() == [wire.OK] * 10
-    assert world.agent.refused == {"fragments without an end": 1}
+    assert world.agent.outbox.refused == {"fragments without an end": 1}
 
 
 def test_fragments_inside_of_fragments_are_refused() -> None:
@@ -724,7 +696,7 @@ def test_fragments_inside_of_fragments_are_refused() -> None:
     client.send(wire.RELIABLE, inner)
     client.send(wire.BEST_EFFORT, inner)
     world.settle()
-    assert sum(world.agent.refused.values()) == 2
+    assert sum(world.agent.outbox.refused.values()) == 2
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -742,7 +714,7 @@ def test_the_fast_path_equals_the_slow_one(seed: int, monkeypatch: pytest.Monkey
         agent = Agent(0.0)
         for number, data in enumerate(noisy):
             agent.receive(data, ("127.0.0.1", 1), number)
-        counts = agent.received, agent.late, agent.lost, agent.refused
+        counts = agent.outbox.received, agent.outbox.late, agent.outbox.lost, agent.outbox.refused
         results.append((agent.take_events(), agent.take_outgoing(), counts))
     assert results[0] == results[1]
     assert results[0][2][1] > 0
@@ -788,7 +760,7 @@ def test_a_client_that_acknowledges_nothing_is_bounded() -> None:
     for data in client.outgoing:
         world.agent.receive(data, client.address, 0)
     assert len(world.agent._find(1)._output._kept) == OUTPUT_WINDOW
-    assert world.agent.refused == {"too many messages without acknowledgement": 50 - OUTPUT_WINDOW}
+    assert world.agent.outbox.refused == {"too many messages without acknowledgement": 50 - OUTPUT_WINDOW}
     world.agent.take_outgoing()
     for number in range(1, 101):
         world.agent.tick(number / 100)
@@ -817,7 +789,7 @@ def test_a_reply_to_another_program_is_refused() -> None:
         client.send(wire.RELIABLE, wire.Sample(b"\0\1", object_id, data).pack(wire.WRITE_DATA))
     world.settle()
     assert world.all(Replied) == []
-    assert world.agent.refused == {"reply to a request of another program": 1, "payload too short": 1}
+    assert world.agent.outbox.refused == {"reply to a request of another program": 1, "payload too short": 1}
 
 
 def test_a_reader_on_the_reliable_stream_gets_its_samples_there() -> None:
@@ -853,7 +825,7 @@ def test_a_datagram_has_a_bounded_number_of_replies(asking: bytes) -> None:
     client.send(wire.NO_STREAM, *[asking] * (4000 // (len(asking) + 3)))
     world.agent.receive(client.outgoing.pop(), client.address, 0)
     assert len(world.agent.take_outgoing()) == REPLIES
-    assert world.agent.refused["too many requests in a message"] > 100
+    assert world.agent.outbox.refused["too many requests in a message"] > 100
     client.ping(in_session=True)
     world.settle()
     assert wire.Info.unpack(client.all(wire.INFO)[-1]).known
@@ -872,7 +844,7 @@ def test_a_client_is_answered_while_others_ask_for_more() -> None:
     client.ping(in_session=True)
     world.settle()
     assert len(client.all(wire.INFO)) == 1 + 1
-    assert "too many datagrams to send" not in world.agent.refused
+    assert "too many datagrams to send" not in world.agent.outbox.refused
 
 
 def test_reliable_replies_beyond_the_bound_are_sent_later() -> None:
@@ -886,7 +858,7 @@ def test_reliable_replies_beyond_the_bound_are_sent_later() -> None:
     client.send(wire.RELIABLE, *(wire.Create(client.ask(), each, group).pack() for each in ids))
     client.outgoing[1:] = reversed(client.outgoing[1:])  # so that one datagram completes the sequence
     world.settle()
-    assert world.agent.refused == {"too many requests in a message": 2}
+    assert world.agent.outbox.refused == {"too many requests in a message": 2}
     world.run(1)
     assert client.statuses() == [wire.OK] * OUTPUT_WINDOW
 
@@ -918,7 +890,7 @@ def test_strangers_get_no_answer() -> None:
     count = len(stranger.outgoing)
     world.settle()
     assert stranger.received == []
-    assert world.agent.refused == {"address that is not allowed": count}
+    assert world.agent.outbox.refused == {"address that is not allowed": count}
     assert [event.text for event in world.events if isinstance(event, Warned)] == [
         "refused 127.0.0.1: only allowed addresses may connect; add it to allow="
     ]
@@ -930,7 +902,7 @@ def test_many_strangers_cost_little() -> None:
     for number in range(1000):
         agent.receive(b"\x80\0\0\0", (f"10.0.{number // 256}.{number % 256}", 1), 0)
     assert len(agent.take_events()) == 20
-    assert agent.refused == {"address that is not allowed": 1000}
+    assert agent.outbox.refused == {"address that is not allowed": 1000}
 
 
 def test_a_hostile_sender_cannot_use_up_the_warnings() -> None:
@@ -961,7 +933,7 @@ def test_a_hostile_sender_cannot_use_up_the_warnings() -> None:
 def test_a_key_that_is_not_allowed_gets_no_session() -> None:
     world, client = connected(Client(key=5), keys={1, 2})
     assert [part.id for part in client.received] == [wire.INFO]
-    assert world.agent.refused["key that is not allowed"] == 1
+    assert world.agent.outbox.refused["key that is not allowed"] == 1
     assert [event.text for event in world.events if isinstance(event, Warned)] == [
         "refused 127.0.0.1: key 5 is not allowed; add it to the keys in allow="
     ]
@@ -977,7 +949,7 @@ def test_clients_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         start(world.clients[-1])
     world.settle()
     assert len(world.all(Connected)) == 3
-    assert world.agent.refused["too many clients"] == 2
+    assert world.agent.outbox.refused["too many clients"] == 2
     assert wire.StatusAgent.unpack(world.clients[-1].all(wire.STATUS_AGENT)[0]).status == wire.ERR_RESOURCES
     assert [event.text for event in world.all(Warned)] == [
         "refused 127.0.0.1: 3 vehicles are connected, the most for a port"
@@ -1161,7 +1133,7 @@ def test_entities_are_bounded() -> None:
         client.create(entities.object_id(number, entities.PUBLISHER), entities.Group(entities.PUBLISHER, PARTICIPANT))
     world.settle()
     assert client.statuses()[8:] == [wire.OK, wire.OK, *[wire.ERR_RESOURCES] * 3]
-    assert world.agent.refused == {"too many entities": 3}
+    assert world.agent.outbox.refused == {"too many entities": 3}
 
 
 def test_routes_of_deleted_entities_are_bounded() -> None:
@@ -1174,7 +1146,7 @@ def test_routes_of_deleted_entities_are_bounded() -> None:
         client.delete(entities.object_id(9, entities.TOPIC))
         world.settle()
     assert 5 < len(world.all(Opened)) - before < 4 * 20
-    assert world.agent.refused["too many entities"] > 100
+    assert world.agent.outbox.refused["too many entities"] > 100
 
 
 @pytest.mark.parametrize("name", ["a\nb", "x" * 300, "\x1b[31m", "a b", "ä"])
@@ -1228,7 +1200,7 @@ def test_delete_removes_an_entity_and_its_parts() -> None:
     client.delete(PARTICIPANT)
     world.settle()
     assert world.agent.routes(1) == []
-    assert world.agent.refused == {"DELETE of an unknown entity": 1, "data of an unknown entity": 1}
+    assert world.agent.outbox.refused == {"DELETE of an unknown entity": 1, "data of an unknown entity": 1}
     assert len(world.agent._find(1).inventory) == 0
 
 
@@ -1253,7 +1225,7 @@ def test_what_is_malformed_is_refused_with_a_reason(stream: int, text: str, reas
     world, client = connected()
     client.send(stream, bytes.fromhex(text))
     world.settle()
-    assert world.agent.refused == {reason: 1}
+    assert world.agent.outbox.refused == {reason: 1}
     assert len(world.events) == 4
 
 
@@ -1275,6 +1247,6 @@ def test_what_is_malformed_is_refused_with_a_reason(stream: int, text: str, reas
 def test_a_stranger_that_is_malformed_is_refused_with_a_reason(text: str, reason: str) -> None:
     agent = Agent(0.0)
     agent.receive(bytes.fromhex(text), ("127.0.0.1", 1), 0)
-    assert agent.refused == {reason: 1}
+    assert agent.outbox.refused == {reason: 1}
     is_told = reason == "message of an unknown session"
     assert (len(agent.take_events()), agent.take_outgoing(), agent._sessions) == (is_told, [], {})

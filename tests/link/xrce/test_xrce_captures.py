@@ -124,7 +124,11 @@ def test_the_samples_are_those_that_the_client_wrote() -> None:
         assert header["session"] >= 0x80
     assert [event.payload[4:] for event in done.all(Sample)] == written
     assert done.all(Lost) == []
-    assert (done.agent.received, done.agent.late, done.agent.refused) == (expected()["datagrams"]["client"], 0, {})
+    assert (done.agent.outbox.received, done.agent.outbox.late, done.agent.outbox.refused) == (
+        expected()["datagrams"]["client"],
+        0,
+        {},
+    )
 
 
 @pytest.mark.parametrize(
@@ -163,7 +167,7 @@ def test_requests_and_replies_have_the_bytes_of_the_real_agent() -> None:
     assert [reply.number for reply in replies] == [1, 2, 3]
     assert [reply.payload.hex() for reply in replies] == ["00010000" + entry["reply"] for entry in service["requests"]]
     assert {reply.service.name for reply in replies} == {"/fmu/vehicle_command"}
-    assert done.agent.refused == {}
+    assert done.agent.outbox.refused == {}
 
 
 def test_published_samples_have_the_bytes_of_the_real_agent() -> None:
@@ -269,4 +273,4 @@ def test_a_running_session_without_a_record_is_refused() -> None:
     infos = [data for data, _ in done.answers if data[4] == wire.INFO]
     assert len(infos) == len(pings) == 3, "with the third one, PX4's client ends its session"
     assert not any(wire.Info.unpack(data[8:]).known for data in infos)
-    assert done.agent.refused.keys() == {"message of an unknown session"}
+    assert done.agent.outbox.refused.keys() == {"message of an unknown session"}

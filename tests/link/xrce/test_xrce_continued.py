@@ -80,7 +80,7 @@ def test_a_session_of_a_record_goes_on_both_ways() -> None:
     answer(client, request[:24])
     after.settle()
     assert [(event.number, event.payload) for event in after.all(Replied)] == [(9, LE + b"reply")]
-    assert after.agent.refused == {}
+    assert after.agent.outbox.refused == {}
 
 
 def answer(client: Client, identity: bytes) -> None:
@@ -156,7 +156,7 @@ def test_no_acknowledgement_is_sent_before_a_number_is_seen() -> None:
     assert client.all(wire.ACKNACK) == []
     answer(client, request[:24])
     after.settle()
-    assert after.agent.refused == {"reply to a request of another program": 1}
+    assert after.agent.outbox.refused == {"reply to a request of another program": 1}
     assert after.all(Replied) == []
     assert client.output.heartbeat() is None, "it is acknowledged"
 
@@ -345,7 +345,7 @@ def test_a_client_without_a_record_has_to_connect_anew() -> None:
     assert world.events == [told()]
     assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False] * 3
     assert len(client.received) == 3, "it gets no other answer"
-    assert world.agent.refused.keys() == {"message of an unknown session"}
+    assert world.agent.outbox.refused.keys() == {"message of an unknown session"}
     client.delete()
     again = Client(50002)
     world.clients.append(again)
@@ -448,7 +448,7 @@ def test_a_message_has_any_number_of_samples() -> None:
         world.settle()
     sizes = [len(event.payload) - 4 for event in world.all(Sample)]
     assert sizes == [number + each for number in range(1, 23) for each in range(number)]
-    assert (world.agent.lost, world.agent.late, world.agent.refused) == (0, 0, {})
+    assert (world.agent.outbox.lost, world.agent.outbox.late, world.agent.outbox.refused) == (0, 0, {})
 
 
 @pytest.mark.parametrize("flags", [wire.LITTLE_ENDIAN, 0x03])
@@ -474,7 +474,7 @@ def test_both_ways_through_a_message_give_the_same(flags: int) -> None:
             slow.agent.receive(data, client.address, 7)
         assert fast.agent.take_events() == slow.agent.take_events()
         assert fast.agent.take_outgoing() == slow.agent.take_outgoing()
-        assert fast.agent.refused == slow.agent.refused
+        assert fast.agent.outbox.refused == slow.agent.outbox.refused
 
 
 # --- killed at any moment
@@ -584,7 +584,7 @@ def test_px4_is_woken_and_goes_on_with_a_record(record: Record) -> None:
     pings = [row for row in done.rows if row.data[4] == wire.GET_INFO]
     assert len(done.answers(wire.INFO)) == len(pings) + 1
     assert all(wire.Info.unpack(data[8:]).known for data in done.answers(wire.INFO))
-    assert done.agent.refused == {"reply to a request of another program": 2}
+    assert done.agent.outbox.refused == {"reply to a request of another program": 2}
 
 
 @pytest.mark.parametrize("name", ["learnt", "running", "continued"])

@@ -28,7 +28,7 @@ def test_what_has_expired_is_not_sent_again() -> None:
     time = 15
     world.run(0.5)
     assert len(client.samples()) == 1, "the request, whose caller still waits"
-    assert world.agent.expired == 1
+    assert world.agent.outbox.expired == 1
     world.agent.call(1, SERVICE, 2, b"\0\1\0\0" + bytes(8), 20)
     world.settle()
     assert len(client.samples()) == 2, "no number of the stream is missing"
@@ -78,7 +78,7 @@ def test_what_waits_for_the_number_of_a_continued_session_expires() -> None:
         client.receive(data)
     world.settle()
     assert len(client.samples()) == 1
-    assert agent.expired == 1
+    assert agent.outbox.expired == 1
 
 
 def settled_records(world: World) -> list[Any]:

@@ -47,7 +47,7 @@ def test_a_client_that_sends_errors_keeps_its_session(seed: int) -> None:
         if number % 2:
             client.outgoing[-1] = client.outgoing[-1][:4] + mutated(random, client.outgoing[-1][4:])[:100]
         world.carry()
-    assert sum(world.agent.refused.values()) > 200
+    assert sum(world.agent.outbox.refused.values()) > 200
     client.received.clear()
     world.agent.publish(1, 2, b"\0\1\0\0" + b"data")
     world.settle()

@@ -504,6 +504,23 @@ def test_a_router_of_others_does_not_end_before_they_do(
     assert told == [True, True, True, False]
 
 
+@pytest.mark.usefixtures("server")
+def test_a_callback_may_leave(link: FakeLink, path: Path) -> None:
+    """Nothing else wakes its thread, which waits for what the owner tells."""
+    joined = UnixLink(str(path))
+
+    class Leaving(Records):
+        def connected(self, *args: Any) -> None:
+            super().connected(*args)
+            joined.close()
+
+    joined.start(records := Leaving())
+    until(lambda: joined.ask("state"))
+    link.connect()
+    until(lambda: records.gone)
+    until(lambda: joined._thread is not None and not joined._thread.is_alive())
+
+
 def test_a_link_that_fails_ends_its_programs(link: FakeLink, path: Path, px4_types: Any) -> None:
     with served(link, path), Vehicle(UnixLink(str(path)), px4_types) as vehicle:
         link.connect()

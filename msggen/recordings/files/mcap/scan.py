@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections import defaultdict
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,23 +44,18 @@ if TYPE_CHECKING:
     from msggen.recordings.source.memory import Octets
     from msggen.recordings.source.source import Channel
 
+    Times = Mapping[int, Sequence[NDArray[np.int64]]]
+
 _SIZES = {DATA_END: 4, FOOTER: 20}
-
-
-class Scanned(NamedTuple):
-    """The contents of a file that was searched."""
-
-    regions: Sequence[Chunk | Loose]
-    times: Mapping[int, Sequence[NDArray[np.int64]]]
-    """The times of the messages that no message index has."""
-    counts: Mapping[int, int]
-    """The number of messages of each channel in the statistics, as far as there are any behind the messages."""
 
 
 def scan(
     file: Octets, described: Described, summarized: Mapping[int, Channel], room: Room, *, is_damaged: bool
-) -> Scanned:
+) -> tuple[Sequence[Chunk | Loose], Times, Mapping[int, int]]:
     """Find chunks, messages and channels. `summarized` has the channels of the summary, also those of lost chunks.
+
+    Return the regions of the file, the times of the messages that no message index has, and the number of messages of
+    each channel in the statistics, as far as there are any behind the messages.
 
     If `is_damaged`, message indexes are not used: one may be missing.
     """
@@ -84,7 +79,7 @@ def scan(
             data = file if isinstance(region, Loose) else records_of(file, region, described)
             for part in searched(data, region, described.channels.keys(), described):
                 times[part.channel].append(part.log_times.copy())
-    return Scanned(regions, times, found.counts)
+    return regions, times, found.counts
 
 
 def _trusted(region: Chunk | Loose, described: Described) -> Chunk | Loose:

@@ -67,7 +67,6 @@ class Chunk(NamedTuple):
     """Messages with their heads, and where they are."""
 
     data: Octets
-    size: int
     first: int
     last: int
     """The least and the largest log time in ns."""
@@ -185,7 +184,7 @@ class ChunkWriter:
         begin = self._sink.tell()
         head = b"".join(
             (
-                CHUNK_HEAD.pack(chunk.first, chunk.last, chunk.size, zlib.crc32(chunk.data)),
+                CHUNK_HEAD.pack(chunk.first, chunk.last, len(chunk.data), zlib.crc32(chunk.data)),
                 len(kind).to_bytes(4, "little"),
                 kind,
                 len(packed).to_bytes(8, "little"),
@@ -213,7 +212,7 @@ class ChunkWriter:
                 message_index_length=place - end,
                 message_index_offsets=offsets,
                 message_start_time=chunk.first,
-                uncompressed_size=chunk.size,
+                uncompressed_size=len(chunk.data),
             )
         )
         self.first = chunk.first if self.first is None else min(self.first, chunk.first)
