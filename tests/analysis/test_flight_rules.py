@@ -19,6 +19,7 @@ from msggen.analysis.rules.table import FLIGHT
 from msggen.cli import main
 from msggen.sim.airframes import AIRFRAMES
 from support.examined_flights import Values, findings_in, samples_of, write_flight
+from support.examples import by_day
 from support.repository import shared
 from support.written import write_recording
 
@@ -713,7 +714,7 @@ def test_many_short_times_in_the_air_are_examined_at_once(tmp_path: Path, px4_ty
 # quiet flights
 
 
-@pytest.mark.parametrize("vehicle", [*AIRFRAMES])
+@by_day("vehicle", AIRFRAMES, 3)
 def test_nothing_is_found_in_a_quiet_flight(vehicle: str, tmp_path: Path) -> None:
     assert main(["sim", "--vehicle", vehicle, "--log", str(tmp_path / "a.ulg"), "--quiet"]) == 0
     assert [each for each in findings_in(tmp_path / "a.ulg").findings if each.level != "info"] == []
@@ -725,14 +726,15 @@ def test_nothing_is_found_in_a_quiet_flight_of_px4(tmp_path: Path) -> None:
     assert findings_in(path).findings == ()
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("fault", "rules"),
     [
         ("20:no-gps", {"GPS_FIX_LOST", "IN_FAILSAFE", "OFFBOARD_LOST"}),
-        ("20:battery=0.04", {"BATTERY_LOW", "BATTERY_SAG"}),
         ("20:disturbed-compass", {"MAG_DISTURBED"}),
+        ("20:battery=0.04", {"BATTERY_LOW", "BATTERY_SAG"}),
         ("20:weak-battery", {"BATTERY_SAG"}),
     ],
+    2,
 )
 def test_faults_of_a_simulated_vehicle_are_found(fault: str, rules: set[str], tmp_path: Path) -> None:
     assert main(["sim", "--log", str(tmp_path / "a.ulg"), "--quiet", "--fault", fault]) == 0

@@ -63,7 +63,7 @@ VALUES = (
     *("M301", "WIRE,", "dds_topics.yaml", "file/x", "\n", "a\nb", "{{", "{{ 1/0 }}", "%s", "$(x)", "json"),
     *("sarif", "junit", "github", "message", "catalog", "main", "\u202e", "out", "1e9", "dir/msg/Lamp.msg", "class"),
 )
-ROUNDS = examples(25, by_day=2)
+ROUNDS = examples(25, by_day=1)
 
 
 def command_line(name: str, choose: random.Random) -> list[str]:

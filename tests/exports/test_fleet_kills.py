@@ -28,8 +28,8 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="there is no fork"),
 ]
 
-EVERY = pytest.mark.parametrize("step", [16, pytest.param(1, marks=pytest.mark.night)])
-"""Every 16th call by day, each one by night; of writes, every 20th of these."""
+EVERY = pytest.mark.parametrize("step", [24, pytest.param(1, marks=pytest.mark.night)])
+"""Every 24th call by day, each one by night; of writes, every 20th of these."""
 
 Rows = Counter[tuple[str, str]]
 

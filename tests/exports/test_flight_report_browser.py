@@ -88,6 +88,7 @@ def test_zooming_a_chart_zooms_all(browser: Chrome, page: Path) -> None:
     assert browser.execute_script(f"return {_VIEW}") == [0, duration]
 
 
+@pytest.mark.night
 def test_charts_with_axes_of_their_own_stay_and_spectrograms_follow(
     browser: Chrome, tmp_path: Path, px4_types: Any
 ) -> None:
@@ -109,6 +110,7 @@ def test_charts_with_axes_of_their_own_stay_and_spectrograms_follow(
     assert complaints(browser) == []
 
 
+@pytest.mark.night
 def test_buttons_move_and_zoom_within_the_log(browser: Chrome, page: Path) -> None:
     opened(browser, page)
     duration = browser.execute_script("return flightReport.view.high")

@@ -134,9 +134,9 @@ def test_square(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> None:
     ("name", "kind", "said"),
     [
         ("triangle", "plane", ["over 200 0", "over 100 170", "over 0 0"]),
-        ("vtol", "vtol", ["on wings", "there", "hovering"]),
         ("rover", "rover", ["20 m north", "15 m east"]),
         pytest.param("rover", "differential", ["20 m north", "15 m east"], marks=pytest.mark.night),
+        pytest.param("vtol", "vtol", ["on wings", "there", "hovering"], marks=pytest.mark.night),
         pytest.param("vtol", "tailsitter", ["on wings", "there", "hovering"], marks=pytest.mark.night),
     ],
 )

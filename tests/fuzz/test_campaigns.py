@@ -55,7 +55,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [60, pytest.param(1, marks=pytest.mark.night)], ids=["a sixtieth", "all"])
+@pytest.mark.parametrize("share", [120, pytest.param(1, marks=pytest.mark.night)], ids=["some", "all"])
 @pytest.mark.parametrize("name", NAMES)
 def test_no_case_has_a_wrong_outcome(name: str, share: int) -> None:
     count = -(-find(name).COUNT // share)

@@ -1,4 +1,7 @@
-"""Tests of a site in headless Chromium, opened from its folder, with real clicks and keys."""
+"""Tests of a site in headless Chromium, opened from its folder, with real clicks and keys.
+
+By day, those of what readers do first, of what pages load and of what they run: each test takes a second of Chromium.
+"""
 
 from __future__ import annotations
 
@@ -83,6 +86,7 @@ def test_the_search_finds_while_typing(browser: Chrome, folder: Path) -> None:
     assert place(browser) == "VehicleStatus.html#nav_state"
 
 
+@pytest.mark.night
 def test_the_name_of_a_topic_finds_its_message(browser: Chrome, folder: Path) -> None:
     find = opened(browser, folder, "index.html")
     find("#search-box").send_keys("vehicle_status")
@@ -107,6 +111,7 @@ def test_results_are_chosen_with_keys_and_clicks(browser: Chrome, folder: Path) 
     wait_for(browser, NOTHING_FOUND)
 
 
+@pytest.mark.night
 def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) -> None:
     find = opened(browser, folder, "topics.html")
     find("#search-box").send_keys("keep-px4_msgs")
@@ -124,7 +129,7 @@ def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) 
         ("vheicle_odometry", "VehicleOdometry.html", "VehicleOdometry"),
         ("fresh lapotp", "first-flight.html", "From a fresh laptop to flying in simulation"),
     ],
-    2,
+    4,
 )
 def test_the_search_forgives_typing_errors_and_finds_parts_of_names(
     browser: Chrome, folder: Path, typed: str, page: str, name: str
@@ -135,6 +140,7 @@ def test_the_search_forgives_typing_errors_and_finds_parts_of_names(
     assert (str(result.get_attribute("href")).rpartition("/")[2], result.text.partition("\n")[0]) == (page, name)
 
 
+@pytest.mark.night
 def test_a_short_word_with_an_error_finds_nothing(browser: Chrome, folder: Path) -> None:
     find = opened(browser, folder, "index.html")
     find("#search-box").send_keys("zqx")
@@ -163,6 +169,7 @@ def test_changes_are_filtered_by_name_and_rule_and_opened_by_the_address(browser
     assert shown() == everything
 
 
+@pytest.mark.night
 def test_the_page_of_changes_can_be_read_on_a_telephone(browser: Chrome, folder: Path) -> None:
     resize(browser, 390)
     find = opened(browser, folder, "changes.html")
@@ -171,6 +178,7 @@ def test_the_page_of_changes_can_be_read_on_a_telephone(browser: Chrome, folder:
     assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
 
 
+@pytest.mark.night
 def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: Chrome, folder: Path) -> None:
     def paper() -> str:
         return str(browser.execute_script("return getComputedStyle(document.body).backgroundColor"))
@@ -194,12 +202,12 @@ PAGES = (
     *("topic/fmu.in.aux_global_position", "msg/VehicleCommand", "enum/VehicleStatus.NavigationState", "guide/index"),
     "guide/first-flight",
 )
-"""By day, every other one: of the lists, and of the pages of messages, services, topics, enums and guides."""
+"""By day, every third one: of the lists, and of the pages of services, messages and guides."""
 
 
 def test_pages_load_nothing_else_report_no_error_and_fit_a_telephone(browser: Chrome, folder: Path) -> None:
     resize(browser, 360)
-    for page in some(PAGES, 2):
+    for page in some(PAGES, 3):
         opened(browser, folder, f"{page}.html")
         wide = browser.execute_script("return document.documentElement.scrollWidth - innerWidth")
         assert wide <= 0, page
@@ -215,7 +223,7 @@ def test_pages_load_nothing_else_report_no_error_and_fit_a_telephone(browser: Ch
         assert complaints(browser) == [], page
 
 
-@by_day("width", [360, 700, 820, 1000, 1200], 2)
+@by_day("width", [360, 700, 820, 1000, 1200], 4)
 def test_the_header_hides_no_field_that_a_link_leads_to(browser: Chrome, folder: Path, width: int) -> None:
     resize(browser, width)
     opened(browser, folder, "msg/VehicleStatus.html#nav_state")

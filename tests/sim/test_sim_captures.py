@@ -82,6 +82,11 @@ is 35 degrees off for a second, because the real one rolls out of the turn befor
 """
 
 
+def of_day_or_night(flight: str, *case: str) -> Any:
+    """Return a case of a test with a flight: the longest one is for the night, and a VTOL flies as a plane by day."""
+    return pytest.param(*case, marks=pytest.mark.night if flight == "fw-flight" else ())
+
+
 @pytest.fixture(scope="module")
 def flown(px4_types: Any) -> Callable[[str], FlownCapture]:
     @cache
@@ -93,7 +98,7 @@ def flown(px4_types: Any) -> Callable[[str], FlownCapture]:
     return fly
 
 
-@pytest.mark.parametrize("name", captured_paths.names())
+@pytest.mark.parametrize("name", [of_day_or_night(name, name) for name in captured_paths.names()])
 def test_a_vehicle_answers_and_changes_its_state_as_px4_did(name: str, flown: Callable[[str], FlownCapture]) -> None:
     made = flown(name)
     far = FAR.get(name, flight_comparison.FAR)
@@ -101,7 +106,7 @@ def test_a_vehicle_answers_and_changes_its_state_as_px4_did(name: str, flown: Ca
     assert different_values(made, ALL_SOURCES, far) == []
 
 
-@pytest.mark.parametrize(("name", "phase"), PHASES)
+@pytest.mark.parametrize(("name", "phase"), [of_day_or_night(name, name, phase) for name, phase in PHASES])
 def test_a_vehicle_moves_as_px4_did(name: str, phase: str, flown: Callable[[str], FlownCapture]) -> None:
     assert too_far(flown(name), PHASES[name, phase]) == {}
 
@@ -147,7 +152,7 @@ def own(px4_types: Any, flown: Callable[[str], FlownCapture]) -> Callable[[str],
     return cache(find)
 
 
-@pytest.mark.parametrize("vehicle", FLIGHTS)
+@pytest.mark.parametrize("vehicle", [of_day_or_night(name, vehicle) for vehicle, name in FLIGHTS.items()])
 def test_the_same_topics_are_published_at_a_rate_on_change_once_or_never(
     vehicle: str, own: Callable[[str], dict[str, Flying]]
 ) -> None:
@@ -156,7 +161,7 @@ def test_the_same_topics_are_published_at_a_rate_on_change_once_or_never(
     assert different == {}
 
 
-@pytest.mark.parametrize("vehicle", FLIGHTS)
+@pytest.mark.parametrize("vehicle", [of_day_or_night(name, vehicle) for vehicle, name in FLIGHTS.items()])
 def test_topics_have_the_rates_of_the_real_vehicle(vehicle: str, own: Callable[[str], dict[str, Flying]]) -> None:
     ours = own(vehicle)
     different = {
@@ -169,7 +174,7 @@ def test_topics_have_the_rates_of_the_real_vehicle(vehicle: str, own: Callable[[
     assert accepted - different.keys() == set(), "no longer different"
 
 
-@pytest.mark.parametrize("vehicle", FLIGHTS)
+@pytest.mark.parametrize("vehicle", [of_day_or_night(name, vehicle) for vehicle, name in FLIGHTS.items()])
 def test_fields_move_and_stand_still_as_those_of_the_real_vehicle(
     vehicle: str, own: Callable[[str], dict[str, Flying]]
 ) -> None:
@@ -183,6 +188,7 @@ def test_fields_move_and_stand_still_as_those_of_the_real_vehicle(
     assert accepted - different.keys() == set(), "no longer different"
 
 
+@pytest.mark.night  # flies all of them
 def test_the_page_compares_the_rates(own: Callable[[str], dict[str, Flying]]) -> None:
     page = (ROOT / "tests" / "sim" / "compared.md").read_text(encoding="utf-8")
     table = published_flights.table({vehicle: own(vehicle) for vehicle in FLIGHTS})
