@@ -93,7 +93,6 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     },
     "-o, --output": {"metavar": "DIR", "type": local_path, "help": "folder to write to"},
     "--check": {
-        "old": "--dry-run",
         "action": "store_true",
         "help": "write nothing; list the changes, exit with 1 if there are any",
     },
@@ -192,15 +191,7 @@ def refuse(options: argparse.Namespace, text: str) -> NoReturn:
 def add_shared(group: Group, *names: str, **more: Any) -> None:
     """Add options of `SHARED` by their keys, with arguments of this command in `more`."""
     for name in names:
-        add_option(group, *name.split(", "), **{**SHARED[name], **more})
-
-
-def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
-    """Add an option, and its `old` spelling, which the help does not list."""
-    action = group.add_argument(*names, **about)
-    if old:
-        hidden = {"dest": action.dest, "default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
-        group.add_argument(old, **{**about, **hidden})
+        group.add_argument(*name.split(", "), **{**SHARED[name], **more})
 
 
 def add_value(group: Group, names: str, metavar: str, kind: Callable[[str], Any], text: str, **more: Any) -> None:

@@ -107,7 +107,7 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
         words = command_line(name, choose)
         outcome = run(words)
         assert outcome.code in (0, 1, 2), words
-        finds = {"check", "breaking", "lint", "doctor", "--check", "--diff", "--dry-run"}
+        finds = {"check", "breaking", "lint", "doctor", "--check", "--diff"}
         assert outcome.code != 1 or finds & {*words}, words
         assert (outcome.code == 2) <= bool(outcome.stderr), words
 
@@ -213,7 +213,6 @@ def test_the_help_lists_the_exit_codes(name: str) -> None:
     outcome = run([*name.split(), "--help"])
     shown = " ".join(outcome.stdout.split())
     assert outcome.code == 0
-    assert "--dry-run" not in shown  # an old spelling
     assert "Exit codes: 0 " in shown
     assert "2 usage, input or I/O error, 130 interrupted by Ctrl-C." in shown
     fails = "1 findings that fail the run" in shown and "Handled findings and warnings do not fail the run." in shown

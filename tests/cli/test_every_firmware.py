@@ -48,7 +48,7 @@ def test_sync_and_check(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     run("sync", "--px4", tree(name), "--strict", "--create", "px4_msgs")
     run("check", "--px4", tree(name), "--strict", "px4_msgs")
     run("check", "--px4", tree(name), "--strict", "--topics-only", "px4_msgs")
-    run("sync", "--px4", tree(name), "--strict", "--dry-run", "px4_msgs")
+    run("sync", "--px4", tree(name), "--strict", "--check", "px4_msgs")
     told = capsys.readouterr().err.splitlines()
     assert [line for line in told if " Y208 note: " not in line] == []  # what PX4 itself has not on Zenoh
 
@@ -118,7 +118,7 @@ def test_bump_tells_what_is_to_do(name: str, tmp_path: Path, capsys: pytest.Capt
     for path in Path(tree(name)).rglob("*"):
         if path.is_file():  # copied without its mode, because the folder is read-only
             write_definitions(tmp_path / "px4", {str(path.relative_to(tree(name))): path.read_text()})
-    run("bump", "VehicleStatus", "--px4", "px4", "--dry-run", code=FINDINGS)
+    run("bump", "VehicleStatus", "--px4", "px4", "--check", code=FINDINGS)
     assert "to create: msg/px4_msgs_old/msg/VehicleStatusV" in capsys.readouterr().out
     run("bump", "VehicleStatus", "--px4", "px4")
     run("build", "--px4", "px4", "--archived")

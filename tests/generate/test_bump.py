@@ -506,7 +506,7 @@ def test_permissions_are_kept() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", ["--dry-run", "--diff"])
+@pytest.mark.parametrize("option", ["--check", "--diff"])
 @pytest.mark.usefixtures("edited")
 def test_what_would_change_is_told_and_not_done(
     firmware: Path, option: str, capsys: pytest.CaptureFixture[str]

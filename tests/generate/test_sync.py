@@ -419,11 +419,11 @@ def test_an_edited_file_is_the_users_from_then_on(name: str) -> None:
 
 def test_a_package_may_have_a_name_of_its_own() -> None:
     firmware()
-    assert sync("-q", "--px4", "firmware", "--create", "--package", "my_msgs", "my_msgs") == 0
+    assert sync("-q", "--px4", "firmware", "--create", "--ros-package", "my_msgs", "my_msgs") == 0
     for name in ("package.xml", "CMakeLists.txt", "README.md"):
         assert "my_msgs" in Path("my_msgs", name).read_text()
         assert name == "README.md" or "px4_msgs" not in Path("my_msgs", name).read_text()
-    assert sync("-q", "--px4", "firmware", "--package", "my_msgs", "my_msgs") == 0
+    assert sync("-q", "--px4", "firmware", "--ros-package", "my_msgs", "my_msgs") == 0
 
 
 def test_the_command_of_the_readme_updates_the_package(
@@ -451,10 +451,10 @@ def test_a_package_keeps_the_choice_of_topics_only() -> None:
     firmware()
     assert sync("-q", "--px4", "firmware", "--create", "--topics-only", PACKAGE) == 0
     for more in ((), ("--topics-only",)):
-        assert sync("-q", "--px4", "firmware", *more, "--dry-run", PACKAGE) == 0
+        assert sync("-q", "--px4", "firmware", *more, "--check", PACKAGE) == 0
     assert sync("-q", "--px4", "firmware", "--no-topics-only", PACKAGE) == 0
     assert content(PACKAGE) == content(package("fresh"))
-    assert sync("-q", "--px4", "firmware", "--dry-run", PACKAGE) == 0
+    assert sync("-q", "--px4", "firmware", "--check", PACKAGE) == 0
 
 
 @pytest.mark.parametrize("place", ["new", "a/b/new", "empty"])
@@ -521,7 +521,7 @@ def test_the_summary_tells_each_change_and_the_topics_that_it_touches(capsys: py
     assert capsys.readouterr().out == SUMMARY
 
 
-@pytest.mark.parametrize("option", ["--dry-run", "--diff"])
+@pytest.mark.parametrize("option", ["--check", "--diff"])
 def test_looking_writes_nothing_and_exits_with_1_when_something_would_change(
     option: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -539,7 +539,7 @@ def test_looking_writes_nothing_and_exits_with_1_when_something_would_change(
 def test_looking_at_a_package_to_come_creates_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     firmware()
     before = identity(Path())
-    assert sync("--px4", "firmware", "--dry-run", "--create", "a/px4_msgs") == 1
+    assert sync("--px4", "firmware", "--check", "--create", "a/px4_msgs") == 1
     assert identity(Path()) == before
     assert capsys.readouterr().out == "a/px4_msgs would be created from firmware: 7 definitions\n"
 
@@ -671,7 +671,7 @@ def test_the_diff_is_a_patch_that_brings_the_package_in_step(
     assert f"--- {prefix}msg/Rpm.msg\n+++ /dev/null\n" in patch
     patched = subprocess.run(APPLY[tool], input=patch.encode(), capture_output=True, check=False)
     assert patched.returncode == 0, patched
-    assert sync("-q", "--px4", px4, "--dry-run", where) == 0
+    assert sync("-q", "--px4", px4, "--check", where) == 0
 
 
 @pytest.mark.slow

@@ -267,7 +267,11 @@ REFUSALS = [
     Refusal("S107", "px4_msgs/package.xml:1:10", "not XML", spoil_manifest),
     # package of another name
     Refusal(
-        "S112", "px4_msgs/package.xml", "'my_msgs', not 'px4_msgs'", rename_package, (*SYNC, "--package", "px4_msgs")
+        "S112",
+        "px4_msgs/package.xml",
+        "'my_msgs', not 'px4_msgs'",
+        rename_package,
+        (*SYNC, "--ros-package", "px4_msgs"),
     ),
     Refusal(
         "S112",
@@ -290,13 +294,13 @@ REFUSALS = [
         from_another_source,
         ("--px4", "firmware", "arm_msgs"),
     ),
-    Refusal("S112", "--ros-package", "'my-msgs' is not a valid name", nothing, (*SYNC, "--package", "my-msgs")),
+    Refusal("S112", "--ros-package", "'my-msgs' is not a valid name", nothing, (*SYNC, "--ros-package", "my-msgs")),
     Refusal(
         "M301",
         "firmware/msg/EscStatus.msg:",
         "write 'EscReport'",
         spelled_with_the_package,
-        ("--px4", "firmware", "--create", "--package", "my_msgs", "new"),
+        ("--px4", "firmware", "--create", "--ros-package", "my_msgs", "new"),
     ),
     # dirty target
     Refusal("S113", str(RPM), "discard them with `git -C px4_msgs restore msg/Rpm.msg`", uncommitted_edit),
@@ -355,7 +359,7 @@ BY_DAY = [
 """Each run takes the first refusal of each code, and every other one."""
 
 
-@by_day("looking", [(), ("--dry-run",)], 2, ids=["", "dry run"])
+@by_day("looking", [(), ("--check",)], 2, ids=["", "check"])
 @pytest.mark.parametrize("refusal", BY_DAY)
 def test_it_is_refused_with_its_place_and_everything_stays(
     refusal: Refusal, looking: tuple[str, ...], capsys: pytest.CaptureFixture[str]
@@ -406,7 +410,7 @@ def test_everything_that_stands_against_it_is_told_in_one_run(capsys: pytest.Cap
     ]
 
 
-@pytest.mark.parametrize("arguments", [(), ("--create",), ("--dry-run",), ("--topics", f"firmware/{BRIDGE_PLACE}")])
+@pytest.mark.parametrize("arguments", [(), ("--create",), ("--check",), ("--topics", f"firmware/{BRIDGE_PLACE}")])
 def test_an_existing_package_is_not_brought_in_step_with_the_embedded_set_for_want_of_a_source(
     arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:

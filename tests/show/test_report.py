@@ -525,7 +525,7 @@ def test_explain_suggests_categories_and_codes(wrong: str, said: str, capsys: py
         ("build --msg-dir a -v", 0),
         ("build --msg-dir a --check", 1),
         ("sync --create --px4 a package", 0),
-        ("sync --create --px4 a package --dry-run", 1),
+        ("sync --create --px4 a package --check", 1),
         ("check a a", 1),
         ("rules", 1),
         ("check a nowhere --output-format github", 2),

@@ -229,7 +229,7 @@ def test_a_run_prints_what_happens(server: Server, capsys: pytest.CaptureFixture
 @pytest.mark.slow
 def test_ctrl_c_ends_the_session(server: Server) -> None:
     """As a process: it takes a second or two to start."""
-    words = ["sim", server.address, "--release", "v1.17", "--sync", "off"]
+    words = ["sim", server.address, "--px4", "v1.17", "--sync", "off"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(
         [sys.executable, "-m", "msggen", *words], stdout=subprocess.PIPE, env=environment, text=True

@@ -562,7 +562,7 @@ def test_a_new_package_depends_on_what_its_messages_nest(capsys: Capture) -> Non
     readme = (PACKAGE / "README.md").read_text()
     assert "msggen sync --px4 path/to/firmware --msg-dir geometry_msgs=path/to/geometry_msgs ." in readme
     assert "Further definitions" not in readme
-    assert sync("--px4", "firmware", *options, "--dry-run", PACKAGE) == DONE
+    assert sync("--px4", "firmware", *options, "--check", PACKAGE) == DONE
     assert "is up to date with" in capsys.readouterr().out
 
 
@@ -598,7 +598,7 @@ def test_a_package_of_ones_own_is_asked_for_the_dependency(capsys: Capture) -> N
 
 def test_a_package_cannot_depend_on_itself(capsys: Capture) -> None:
     options = nesting_firmware()
-    assert sync("--px4", "firmware", *options, "--create", "--package", "geometry_msgs", "new") == FAILED
+    assert sync("--px4", "firmware", *options, "--create", "--ros-package", "geometry_msgs", "new") == FAILED
     assert (
         "M301 unknown type 'geometry_msgs/Pose': the package to write, 'geometry_msgs', does not"
         in capsys.readouterr().err

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("vehicles")
     source = group.add_mutually_exclusive_group()
-    add_shared(source, "--px4", old="--release")
+    add_shared(source, "--px4")
     add_value(source, "--types", "NAME|DIR", local_path, "package that msggen has generated, instead of --px4")
     text = "multicopter, plane, vtol, tailsitter, rover or differential (default: multicopter)"
     add_value(group, "--vehicle", "KIND", _vehicle, text, default="multicopter")

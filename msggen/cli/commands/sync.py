@@ -13,7 +13,6 @@ from msggen.cli.options import (
     WRITING_CODES,
     Run,
     add_flag,
-    add_option,
     add_shared,
     add_sources,
     add_value,
@@ -52,14 +51,8 @@ def add_to(parser: argparse.ArgumentParser) -> Run:
     add_sources(parser)
     package = parser.add_argument_group("package")
     add_flag(package, "--create", "create the package if it does not exist")
-    add_option(
-        package,
-        "--ros-package",
-        old="--package",
-        metavar="NAME",
-        type=non_empty,
-        help="name of the ROS package (default: that of the folder for a new package, px4_msgs for another)",
-    )
+    text = "name of the ROS package (default: that of the folder for a new package, px4_msgs for another)"
+    add_value(package, "--ros-package", "NAME", non_empty, text)
     add_shared(package, "--topics-only", "--check", "--diff")
     add_shared(parser, "-q, --quiet")
     return _sync
