@@ -253,11 +253,10 @@ def test_ctrl_c_ends_the_session(server: Server) -> None:
         (["--types", "json"], "json: L103 not a package that msggen has generated"),
         (["--px4", "v1.19"], "v1.19: S105 neither a folder nor an embedded release, did you mean 'v1.18'?"),
         (["--px4", "v1.13"], "v1.13: S105 neither a folder nor an embedded release: there are v1.14 to v1.18"),
-        (["--release", "1.17"], "1.17: S101 "),
     ],
 )
 def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    types = [] if {"--types", "--px4", "--release"} & {*words} else ["--types", PACKAGE]
+    types = [] if {"--types", "--px4"} & {*words} else ["--types", PACKAGE]
     assert main(["sim", *words, *types, "--for", "0.1"]) == 2
     assert text in capsys.readouterr().err
 
