@@ -82,7 +82,8 @@ def test_a_store_that_fails_is_an_error_of_every_command(
 )
 def test_a_store_that_fails_later_leaves_nothing(server: ObjectServer, name: str, fault: str) -> None:
     run(INFO)
-    server.after, server.fault = 2 * len(server.requests), fault
+    opening = {each[:3] for each in server.requests}  # a busy computer repeats some
+    server.after, server.fault = len(server.requests) + len(opening), fault
     outcome = run(COMMANDS[name])
     assert outcome.code == FAILED, outcome
     assert "Traceback" not in outcome.stderr

@@ -49,17 +49,18 @@ def test_a_store_that_fails_at_any_request(
     """Each request has one of the faults, which passes or lasts. To a store, a run that is killed is one that lasts."""
     logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
-    monkeypatch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
     failures = []
     faults = [(fault, lasts) for fault in FAULTS for lasts in (True, False)]
     for index, number in enumerate(range(step - 1, count, step)):
         fault, lasts = faults[index % len(faults)]
         bucket.load(saved)
         bucket.server.begin(partial(fails, fault, number, lasts=lasts))
-        try:
-            both(str(logs))
-        except (StoreError, FleetError) as error:
-            failures.append((fault, error))
+        with monkeypatch.context() as patched:
+            patched.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
+            try:
+                both(str(logs))
+            except (StoreError, FleetError) as error:
+                failures.append((fault, error))
         bucket.server.begin()
         for key, data in bucket.save().items():
             assert not key.endswith(".parquet") or data[:4] == data[-4:] == b"PAR1", f"{key} is in part"
