@@ -5,7 +5,8 @@ others tell ns since 1970, by their own clocks:
 
 - one that is behind makes samples look late, which is safe
 - one that is ahead would hide that they are: what is published more than 0.5 s after it has arrived is refused
-- below that, the shortest ways of a publisher in the last minute count as no way at all
+- below that, the shortest ways of a publisher in the last minute count as no way at all, if its gid is known: those
+  whose publishers are not are judged one by one, because one clock must not hold up all others
 
 One forged sample changes nothing for a publisher: several of its ways have to be as short.
 """
@@ -65,7 +66,7 @@ class Waiting:
         if abs(arrived - now - self._offset) > _STEP_NS:
             self._ways.clear()  # they tell nothing any more
         self._offset = arrived - now
-        shortest = self._shortest(publisher, way, now)
+        shortest = self._shortest(publisher, way, now) if publisher[1] else 0
         if min(way, shortest) < -LONGEST_NS:
             raise StaleError(_AHEAD)
         if way - shortest > longest:

@@ -176,6 +176,9 @@ def test_a_clock_that_is_ahead_hides_no_late_sample(px4_types: Any, bench: Simpl
         assert relay.to_vehicle == {topic: 5}, "it has waited for 0.7 s"
         take(sample, {**published(0.3), "publisher_gid": None})
         assert relay.to_vehicle == {topic: 6}, "of another computer"
+        for ahead in (*[0.6] * 5, *[0.4] * 5, 0.0, -0.3):
+            take(sample, {**published(-ahead), "publisher_gid": None})
+        assert relay.to_vehicle == {topic: 13}, "a clock that is ahead holds up nobody whose gid is unknown, too"
 
 
 def test_an_rclpy_without_times_gives_samples_alone(
