@@ -48,7 +48,7 @@ class ThreadedLink(Link):
             self._thread = thread
             thread.start()
         except BaseException:
-            self._thread, self._closing = None, True
+            self._thread = None  # it may be started again, unless a callback has closed it
             self.release()
             raise
 
