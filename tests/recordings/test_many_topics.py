@@ -6,6 +6,7 @@ import struct
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from msggen.recordings.files.mcap import writer as mcap_writer
 from msggen.recordings.files.mcap.channels import Described
 from msggen.recordings.files.mcap.reader import McapFile
 from msggen.recordings.files.mcap.records import chunk_or_message_from
-from msggen.recordings.files.ulog.formats import Formats
+from msggen.recordings.files.ulog.formats import FormatError, Formats
 from msggen.recordings.log.payloads import in_order
 from msggen.recordings.source.source import Channel, Part, Problem
 from msggen.recordings.topics.choice import names_of
@@ -139,6 +140,20 @@ def test_many_formats_of_a_ulog_have_the_same_fields() -> None:
     assert [formats.ros_type(name) for name in names] == [f"px4_msgs/msg/A{number}" for number in range(MANY)]
     formats.add("a:uint64_t timestamp;uint8_t x")
     assert {formats.ros_type(name) for name in names} == {"px4_msgs/msg/A"}
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["once", "defined again"])
+def test_many_formats_of_a_ulog_nest_the_same_long_one(*, again: bool) -> None:
+    formats, padding = Formats(), "".join(f"uint8_t _padding{number};" for number in range(3000))
+    formats.add(f"long:uint64_t timestamp;{padding}")
+    told = 0
+    for number in range(MANY // 5):
+        if again:
+            formats.add("other:uint8_t x")
+        formats.add(f"topic_{number}:uint64_t timestamp;long a")
+        with suppress(FormatError):  # all of them have more bytes than a log may have
+            told += bool(formats.described(f"topic_{number}"))
+    assert told
 
 
 @pytest.mark.night  # by day, many formats with short names

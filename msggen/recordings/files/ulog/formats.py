@@ -141,15 +141,18 @@ class Formats:
             self._texts = dict(self._texts)
             self._twins = {fields: {n: set(names) for n, names in own.items()} for fields, own in self._twins.items()}
             self._is_shared = False
-        self._known, self._fields, self._blocks = {}, {}, {}
+        self._known = {}
         name, _, fields = text.partition(":")
         if name in self._texts:
+            self._sum += sum(len(self._texts[each]) for each in self._fields)  # they are read again
+            self._fields, self._blocks = {}, {}
             self._twins[self._texts[name]][len(name)].discard(name)
         self._texts[name] = text = fields.strip(";")
         self._twins.setdefault(text, {}).setdefault(len(name), set()).add(name)
 
     def described(self, name: str) -> Described:
         """Return what the format of a topic says. Other logs can have the same dtype. Raises FormatError."""
+        self._count(0)
         found = self._known.get(name)
         if found is None:
             layout = self.layout(name)
