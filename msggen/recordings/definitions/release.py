@@ -131,7 +131,8 @@ def release_of(topics: Iterable[Topic], version: str) -> Release:
     if not releases:
         return Release((), version, (), ())
     names = {each.message for each in compared}
-    differing = {each.message for each in compared if each not in same[releases[0]]}
+    own = set(same[releases[0]])
+    differing = {each.message for each in compared if each not in own}
     return Release(releases, version, tuple(sorted(names)), tuple(sorted(differing)))
 
 
