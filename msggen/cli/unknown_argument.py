@@ -122,6 +122,7 @@ ARGUMENTS: Mapping[tuple[str, str], str] = {
     ("sim", "--port"): "name it in the address: msggen sim udp://127.0.0.1:PORT",
     ("sim", "--link"): "write the address alone: msggen sim udp://127.0.0.1:8888",
     ("sim", "--vehicles"): "use --count",
+    ("sim", "--release"): "use --px4",
     **dict.fromkeys(((name, "--dry-run") for name in ("build", "bump", "docs", "render", "sync")), "use --check"),
     ("sync", "--package"): "use --ros-package",
     ("link stop", "--link"): "write the address alone: msggen link stop udp://127.0.0.1:8888",

@@ -285,6 +285,7 @@ def test_a_wrong_name_of_a_ros_package_is_reported_at_the_setting(capsys: pytest
         (["sync", "made", "--ros-pakage", "x"], ", did you mean '--ros-package'?"),
         (["sync", "made", "--package", "x"], "use --ros-package"),
         (["bump", "Lamp", "--dry-run"], "use --check"),
+        (["sim", "--release", "v1.16"], "use --px4"),
     ],
 )
 def test_what_to_write_instead_of_a_wrong_option_is_told(wrong: list[str], told: str) -> None:
