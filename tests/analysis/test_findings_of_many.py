@@ -234,3 +234,10 @@ def test_a_fleet_has_the_findings_as_a_table(flights: Path, tmp_path: Path) -> N
     output = tmp_path / "out.ndjson"
     assert main(["log", "findings", str(fleet), "-o", str(output), "--jobs", "1"]) == FINDINGS
     assert len(lines_of(output)) == 4
+    copies = {"b.mcap", "copy.mcap"}
+    (first,) = copies & lines_of(output).keys()
+    (flights / first).unlink()
+    output.unlink()
+    assert main(["log", "findings", str(fleet), "-o", str(output), "--jobs", "1"]) == FINDINGS
+    (other,) = copies - {first}
+    assert rules_in(lines_of(output)[other]) == ["CPU_LOAD_HIGH"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.exports.fleet import Keys, compact, parts, storage, update
+from msggen.exports.fleet import Batch, Keys, Task, compact, convert_batch, parts, storage, update
 from msggen.exports.fleet import fleet as fleets
 from msggen.exports.fleet.parts import Files, Run, write_files
 from msggen.exports.fleet.records import FleetError
@@ -170,6 +170,21 @@ def test_recordings_whose_batch_fails_late_are_converted_alone(
     monkeypatch.setattr(storage.Disk, "keep", fail)
     assert update(str(heights), str(tmp_path / "fleet")).failed == []
     assert len(parquet_in(tmp_path / "fleet")) == len(rows_of(tmp_path / "fleet")["height"]) == 3
+
+
+def test_recordings_of_a_batch_that_fails_are_converted_by_themselves_and_at_last_alone(
+    heights: Path, tmp_path: Path
+) -> None:
+    asked: list[int] = []
+
+    def pool(tasks: Sequence[Task]) -> Iterator[Batch]:
+        asked.append(len(tasks))
+        for task in tasks:
+            fails = len(task.paths) > 1 or len(tasks) > 1
+            yield Batch(task, failed="out of memory") if fails else convert_batch(task)
+
+    assert update(str(heights), str(tmp_path / "fleet"), pool=pool).failed == []
+    assert asked == [1, 3, 1, 1, 1]
 
 
 def test_fields_with_the_names_of_keys_stay(tmp_path: Path) -> None:

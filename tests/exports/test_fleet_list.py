@@ -17,7 +17,7 @@ import pytest
 
 from msggen import InputError, recordings
 from msggen.base.disk import files as disk
-from msggen.exports.fleet import Batch, Task, compact, convert_batch, files, storage, update
+from msggen.exports.fleet import Batch, Task, batch, compact, convert_batch, files, parts, storage, update
 from msggen.exports.fleet.records import FleetError, Record, decoded
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, state_names, write_flight, write_folder
@@ -277,6 +277,25 @@ def test_a_run_whose_files_were_removed_does_not_replace_the_list(
     update(str(logs), str(tmp_path / "other"))
     assert rows_of(fleet) == rows_of(tmp_path / "other")
     assert state_names(fleet) == ["report.json"]
+
+
+def test_a_run_that_is_overtaken_while_it_writes_leaves_nothing(
+    logs: Path, tmp_path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = parts.write_files
+
+    def written(*given: Any) -> Any:
+        monkeypatch.undo()
+        write_flight(tmp_path / "one" / "new.mcap", px4_types, 9)
+        update(str(tmp_path / "one"), str(tmp_path / "fleet"))
+        return write(*given)
+
+    (tmp_path / "one").mkdir()
+    monkeypatch.setattr(batch, "write_files", written)
+    with pytest.raises(FleetError, match=OVERTAKEN):
+        update(str(logs), str(tmp_path / "fleet"))
+    assert len(update(str(logs), str(tmp_path / "fleet")).converted) == 3
+    assert state_names(tmp_path / "fleet") == ["report.json"]
 
 
 def test_a_compaction_that_is_overtaken_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

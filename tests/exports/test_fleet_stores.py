@@ -233,6 +233,17 @@ def test_of_two_runs_at_once_one_ends_with_an_error(bucket: Bucket, logs: Path, 
     assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")
 
 
+def test_an_empty_file_beside_a_database_does_not_make_it_another_one(bucket: Bucket, tmp_path: Path) -> None:
+    """It has no tag when it is read."""
+    (tmp_path / "logs" / "bag").mkdir(parents=True)
+    rows = [(1, START + number, b"\0\1\0\0" + bytes([number]) * 8) for number in range(10)]
+    write_database(tmp_path / "logs" / "bag" / "bag_0.db3", [Stored(1, "/a", "our_msgs/msg/Foo", "uint8[8] x\n")], rows)
+    (tmp_path / "logs" / "bag" / "bag_0.db3-wal").touch()
+    bucket.put(tmp_path / "logs", "logs")
+    assert len(update(LOGS, FLEET).converted) == 1
+    assert update(LOGS, FLEET).unchanged == 1
+
+
 @pytest.mark.night
 @pytest.mark.parametrize("kind", ["processes", "dask"])
 def test_pools_write_to_the_store(bucket: Bucket, logs: Path, tmp_path: Path, kind: str) -> None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from msggen.analysis.document import document_of, examined
+from msggen.base.disk.urls import is_address
 from msggen.exports.fleet.batch import text_of
 from msggen.exports.fleet.finding import Found, State, at_hand, checked, digest_of, find_recordings
 from msggen.exports.fleet.layout import name_of
 from msggen.exports.fleet.planning import digest_if_any, state_if_any
 from msggen.exports.fleet.pools import results_of
-from msggen.exports.fleet.records import decoded, original_of
+from msggen.exports.fleet.records import Record, decoded, original_of
 from msggen.exports.fleet.storage import absolute, storage_of
 
 _KILLED = "the process that examined it was killed"
@@ -57,9 +59,14 @@ def _recordings(folder: str) -> list[Found]:
     """Return the recordings below a folder, or those of a fleet: where they were."""
     content = storage_of(folder).read_list()
     if content is not None:
-        records = ((original_of(record), record) for record in decoded(content.data).records)
+        records = ((_path_of(record), record) for record in decoded(content.data).records)
         return [Found(path, listed=record.paths.get(path)) for path, record in records]
     return list(find_recordings(folder))
+
+
+def _path_of(record: Record) -> str:
+    """Return where a recording is: in the folders that can be seen, or else where it was first."""
+    return next((path for path in record.paths if not is_address(path) and os.path.lexists(path)), original_of(record))
 
 
 def examine_all(work: Work, jobs: int) -> Iterator[dict[str, Any]]:

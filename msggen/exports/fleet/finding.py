@@ -266,5 +266,5 @@ def _by_name(objects: Iterable[Stored]) -> dict[str, Stored]:
 
 def _state(parts: Sequence[Stored]) -> State:
     """Return the state of a recording that has these files."""
-    told = repr([each.tag or str(each.modified) for each in parts])
+    told = repr([each.tag or str(each.modified) for each in parts if each.size])  # an empty one has no tag when read
     return State(sum(each.size for each in parts), int(hashlib.sha256(told.encode()).hexdigest()[:_DIGITS], 16))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain, pairwise
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
@@ -83,7 +83,8 @@ def _write_file(runs: Iterator[Run], shape: pa.Schema, folder: str, place: str, 
     from msggen.exports.convert.tables import is_time
 
     path = os.path.join(folder, *place.split("/"))
-    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with suppress(FileExistsError):
+        os.mkdir(os.path.dirname(path))  # of the topic; the folder of a run that was overtaken is not made anew
     keys = [pa.field(name, pa.int32() if name == "instance" else pa.string()) for name in Keys._fields]
     schema = pa.schema([*keys, *shape], shape.metadata)
     texts = [field.name for field in shape if pa.types.is_string(field.type)]

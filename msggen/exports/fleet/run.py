@@ -169,7 +169,7 @@ def _is_gone(path: str, folder: str, there: Collection[str]) -> bool:
 
 
 def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
-    """Yield what became of recordings. Those that are not converted together are converted alone.
+    """Yield what became of recordings. Those of a batch that fails are converted by themselves, and at last alone.
 
     Raises StoreError if a store fails.
     """
@@ -181,10 +181,15 @@ def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
             yield batch
         elif len(batch.task.paths) > 1:
             waiting += batch.task.single()
+        elif len(tasks) > 1:
+            waiting.append(batch.task)
         else:
             yield batch._replace(outcomes=[Outcome(path, error=batch.failed) for path in batch.task.paths])
-    for task in waiting:  # one by one: the others may have had the memory that it needs
-        yield from _batches(pool, [task])
+    if any(len(task.paths) > 1 for task in tasks):
+        yield from _batches(pool, waiting)
+    else:
+        for task in waiting:  # one after the other: the others may have had the memory that it needs
+            yield from _batches(pool, [task])
 
 
 def _sorted(outcomes: Iterable[Outcome]) -> list[Outcome]:

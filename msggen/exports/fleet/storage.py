@@ -52,7 +52,8 @@ class Disk:
                 for each in _entries(entry.path):
                     name = f"{entry.name}/{each.name}"
                     if each.is_file(follow_symlinks=False) or is_stage(name):
-                        found[name] = each.stat(follow_symlinks=False).st_size
+                        with suppress(FileNotFoundError):  # of a run that has just ended
+                            found[name] = each.stat(follow_symlinks=False).st_size
         return found
 
     def read_list(self) -> Content | None:
