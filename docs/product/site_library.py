@@ -47,7 +47,6 @@ PUBLIC = {
     "msggen.flight.pytest": {"SimVehicle"},
     "msggen.generate.cache": {"package_of"},
     "msggen.link.address": {"parse_address"},
-    "msggen.link.link": {"Listener"},
     "msggen.link.udp": {"UdpLink"},
     "msggen.ros.relay": {"profile"},
     "msggen.ros.types": {"installed"},
