@@ -5,8 +5,9 @@ others tell ns since 1970, by their own clocks:
 
 - one that is behind makes samples look late, which is safe
 - one that is ahead would hide that they are: what is published more than 0.5 s after it has arrived is refused
-- below that, the shortest ways of a publisher in the last minute count as no way at all, if its gid is known: those
-  whose publishers are not are judged one by one, because one clock must not hold up all others
+- below that, the shortest ways of a publisher in the last minute count as no way at all
+
+A sample without the gid of its publisher is judged alone: the clock of one publisher must not hold up the others.
 
 One forged sample changes nothing for a publisher: several of its ways have to be as short.
 """
