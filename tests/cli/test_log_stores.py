@@ -68,8 +68,9 @@ def check_failed(outcome: Outcome, reason: str) -> None:
     3,
 )
 def test_a_store_that_fails_is_an_error_of_every_command(
-    server: ObjectServer, name: str, fault: str, reason: str
+    server: ObjectServer, name: str, fault: str, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    hasten(monkeypatch, fault)
     server.fault = fault
     check_failed(run(COMMANDS[name]), reason)
     assert list(server.files) == ["/bucket/a.mcap"]
@@ -144,7 +145,10 @@ def test_a_store_is_only_asked_if_the_command_line_names_it(server: ObjectServer
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_store_of_a_fleet_that_fails_is_an_error(server: ObjectServer, fault: str) -> None:
+def test_a_store_of_a_fleet_that_fails_is_an_error(
+    server: ObjectServer, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hasten(monkeypatch, fault)
     Path("logs").mkdir()
     shutil.copy("here.mcap", "logs/a.mcap")
     server.fault = fault

@@ -12,12 +12,12 @@ import pytest
 
 from msggen.exports.fleet import update
 from msggen.exports.fleet.records import FleetError
-from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import StoreError
 from support.examples import by_day
 from support.fleet_logs import write_small
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FAULTS, FLEET, Bucket, both
+from support.object_server import hasten
 
 pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
@@ -56,7 +56,7 @@ def test_a_store_that_fails_at_any_request(
         bucket.load(saved)
         bucket.server.begin(partial(fails, fault, number, lasts=lasts))
         with monkeypatch.context() as patched:
-            patched.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
+            hasten(patched, fault)
             try:
                 both(str(logs))
             except (StoreError, FleetError) as error:

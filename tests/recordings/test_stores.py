@@ -311,17 +311,17 @@ def test_an_object_that_changes_while_it_is_open_is_an_error(server: ObjectServe
             server.files["/bucket/a.mcap"] = whole
 
 
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [
-        *FAULTS.items(),
-        ("no range", "the server does not send parts of files (HTTP Range): copy the file to this computer first"),
-    ],
-)
+WHILE_READ = FAULTS | {
+    "no range": "the server does not send parts of files (HTTP Range): copy the file to this computer first"
+}
+
+
+@pytest.mark.parametrize("fault", WHILE_READ)
 @pytest.mark.parametrize("place", ["s3://bucket/a.mcap", "{url}/bucket/a.mcap"])
 def test_a_store_that_fails_while_it_is_read_is_an_error(
-    server: ObjectServer, px4_types: Any, fault: str, reason: str, place: str
+    server: ObjectServer, px4_types: Any, fault: str, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    hasten(monkeypatch, fault)
     server.files["/bucket/a.mcap"] = recording(px4_types, 200, 5, 1500, **WAYS["none"])
     address = place.format(url=server.url)
     server.fault = fault
@@ -335,8 +335,8 @@ def test_a_store_that_fails_while_it_is_read_is_an_error(
         server.fault = ""
         assert len(log.load()) == 5  # what failed is read again
     for error in (opening.value, reading.value):
-        assert (error.filename, error.strerror) == (address, reason)
-        assert str(error) == f"{address}: {reason}"
+        assert (error.filename, error.strerror) == (address, WHILE_READ[fault])
+        assert str(error) == f"{address}: {WHILE_READ[fault]}"
 
 
 def test_a_range_that_is_not_the_one_asked_for_is_an_error(server: ObjectServer, px4_types: Any) -> None:

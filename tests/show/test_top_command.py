@@ -107,7 +107,7 @@ def test_a_pipe_gets_the_table_once(url: str, px4_types: Any, capsys: pytest.Cap
         assert heading.split()[:3] == ["topic", "Hz", "limit"]
         assert len(lines) == 31
         assert rate_of("\n".join(lines), "/fmu/out/vehicle_odometry") > 1
-        assert main(["top", "--link", url, "--types", PACKAGE, "--window", "0.5", "--json"]) == 0
+        assert main(["top", "--link", url, "--types", PACKAGE, "--window", "1.5", "--json"]) == 0
         document = json.loads(capsys.readouterr().out)
     odometry = next(each for each in document["topics"] if each["topic"] == "/fmu/out/vehicle_odometry")
     assert (odometry["message"], odometry["limit_hz"], odometry["size_bytes"]) == ("VehicleOdometry", 100.0, 118)

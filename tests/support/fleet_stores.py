@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.exports.fleet import compact, files, update
-from msggen.recordings.stores import limits
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import rows_of
 from support.object_server import ObjectServer, hasten, object_server, set_credentials
@@ -91,7 +90,6 @@ def both(source: str, fleet: str = FLEET) -> None:
 def bucket_of(patch: pytest.MonkeyPatch) -> Iterator[Bucket]:
     """Run a server with an empty bucket, and let this process use it."""
     hasten(patch)
-    patch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=5))
     with object_server() as server:
         set_credentials(patch, server.url)
         yield Bucket(server)

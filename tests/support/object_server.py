@@ -253,8 +253,12 @@ def set_credentials(patch: pytest.MonkeyPatch, endpoint: str) -> None:
     patch.setenv("AWS_EC2_METADATA_DISABLED", "true")
 
 
-def hasten(patch: pytest.MonkeyPatch) -> None:
-    """Let clients wait and try again for a short time only."""
+def hasten(patch: pytest.MonkeyPatch, fault: str = "") -> None:
+    """Let clients try once more and at once, and wait for a short time only for a server that stalls.
+
+    The answers of any other server come late on a busy computer.
+    """
     from msggen.recordings.stores import limits
 
-    patch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.3, retries=1, backoff=0.01))
+    read = 0.5 if fault == "stall" else 10
+    patch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=read, retries=1, backoff=0.01))
