@@ -1,4 +1,4 @@
-"""Settings from `[tool.msggen]` in the nearest pyproject.toml: options and the choice of rules. Also their schema."""
+"""Settings from `[tool.msggen]` in the nearest pyproject.toml: options and the choice of rules."""
 
 import os
 import re
@@ -10,11 +10,11 @@ from typing import Any, Literal, NamedTuple, NoReturn
 from msggen.base.diagnostics import Diagnostic, input_error, suggestion
 from msggen.base.disk.ownership import is_own
 from msggen.base.disk.reading import read_text
-from msggen.base.disk.urls import NO_URL, refuse_url
+from msggen.base.disk.urls import refuse_url
 from msggen.base.location import Location
 from msggen.sources.embedded import names_release
 from msggen.sources.file import BoardOption
-from msggen.sources.finding import RELEASES, join_package, split_package
+from msggen.sources.finding import join_package, split_package
 from msggen.sources.installed import names_installed, wrong_installed
 
 
@@ -121,9 +121,6 @@ class Settings(NamedTuple):
             return Location(f"--{key}", 0)
         return Location(self.origin, *_place(_text(self.origin), key, *inside))
 
-
-_PATTERNS = {"package": "^[A-Za-z_][A-Za-z0-9_]*$", "ros-package": "^[a-z][a-z0-9_]*$"}
-"""What a name must be, by the key of the setting."""
 
 _HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
 _MENTIONED = r"msggen[\"']?[ \t]*[\].=]"
@@ -315,36 +312,3 @@ def _position(text: str, key: str) -> int:
 
 def _fail(path: str, code: str, message: str, line: int = 1, column: int = 1) -> NoReturn:
     raise input_error(path, code, message, line, column)
-
-
-def schema_of_settings() -> dict[str, Any]:
-    """Return the schema of the table `[tool.msggen]`."""
-    return {
-        "$schema": "http://json-schema.org/draft-07/schema#",
-        "$id": "https://json.schemastore.org/partial-msggen.json",
-        "title": "msggen",
-        "description": "Settings of msggen, which generates Python types from the message definitions of PX4.",
-        "type": "object",
-        "additionalProperties": False,
-        "properties": {setting.key: _schema_of(setting) for setting in SETTINGS},
-    }
-
-
-def _schema_of(setting: Setting) -> dict[str, Any]:
-    about = {"description": f"{setting.about} Default: {setting.default}."}
-    texts = {"anyOf": [_schema_of_text(setting), {"type": "array", "items": _schema_of_text(setting)}]}
-    if setting.kind == "flag":
-        return {**about, "type": "boolean"}
-    if setting.kind == "list":
-        return {**about, **texts}
-    if setting.kind == "table":
-        return {**about, "type": "object", "additionalProperties": texts}
-    return {**about, **_schema_of_text(setting)}
-
-
-def _schema_of_text(setting: Setting) -> dict[str, Any]:
-    """Return the schema of a text, or of an item of a list."""
-    if setting.key == "release":
-        return {"type": "string", "enum": [*RELEASES]}
-    pattern = NO_URL if setting.is_path else _PATTERNS.get(setting.key)
-    return {"type": "string", "minLength": 1, **({"pattern": pattern} if pattern else {})}

@@ -24,7 +24,6 @@ LONG = {
     "msggen/generate/python/package.py": "what the templates of a package see",
     "msggen/generate/python/translation.py": "an interpreter of translation statements, whose cases share state",
     "msggen/generate/render/views.py": "the documented model that templates see",
-    "msggen/link/rmw_zenoh/vehicles.py": "a state machine: the vehicles of a key space",
     "msggen/link/xrce/agent.py": "a state machine: the agent",
     "msggen/link/xrce/session.py": "a state machine: a session of the agent",
     "msggen/link/xrce/wire.py": "the submessages of DDS-XRCE, each packed and parsed in a few lines",

@@ -6,12 +6,16 @@ import argparse
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from msggen.base.disk.urls import NO_URL
 from msggen.cli.options import Run, add_flag, add_shared, new_command
 from msggen.cli.source_options import settings_of
 from msggen.cli.table import DIM, Column, print_table
-from msggen.sources.settings import SETTINGS, Settings, given_keys, schema_of_settings
+from msggen.sources.finding import RELEASES
+from msggen.sources.settings import SETTINGS, Setting, Settings, given_keys
 
 _DEFAULT = "default"
+_PATTERNS = {"package": "^[A-Za-z_][A-Za-z0-9_]*$", "ros-package": "^[a-z][a-z0-9_]*$"}
+"""What a name must be, by the key of the setting."""
 
 
 @new_command(
@@ -33,7 +37,7 @@ def _settings(options: argparse.Namespace) -> None:
     if options.schema:
         from msggen.show.report.json import dump
 
-        print(dump(schema_of_settings()))
+        print(dump(_schema()))
         return
     rows = list(_rows(settings_of(options)))
     if options.json:
@@ -87,3 +91,36 @@ def _text(value: Any) -> str:
     if isinstance(value, dict):
         return "; ".join(f"{key}: {_text(rules)}" for key, rules in value.items())
     return value if isinstance(value, str) else ", ".join(value)
+
+
+def _schema() -> dict[str, Any]:
+    """Return the schema of the table `[tool.msggen]`."""
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "$id": "https://json.schemastore.org/partial-msggen.json",
+        "title": "msggen",
+        "description": "Settings of msggen, which generates Python types from the message definitions of PX4.",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {setting.key: _schema_of(setting) for setting in SETTINGS},
+    }
+
+
+def _schema_of(setting: Setting) -> dict[str, Any]:
+    about = {"description": f"{setting.about} Default: {setting.default}."}
+    texts = {"anyOf": [_schema_of_text(setting), {"type": "array", "items": _schema_of_text(setting)}]}
+    if setting.kind == "flag":
+        return {**about, "type": "boolean"}
+    if setting.kind == "list":
+        return {**about, **texts}
+    if setting.kind == "table":
+        return {**about, "type": "object", "additionalProperties": texts}
+    return {**about, **_schema_of_text(setting)}
+
+
+def _schema_of_text(setting: Setting) -> dict[str, Any]:
+    """Return the schema of a text, or of an item of a list."""
+    if setting.key == "release":
+        return {"type": "string", "enum": [*RELEASES]}
+    pattern = NO_URL if setting.is_path else _PATTERNS.get(setting.key)
+    return {"type": "string", "minLength": 1, **({"pattern": pattern} if pattern else {})}

@@ -223,10 +223,12 @@ class Session:
     def _declaring(self, what: str) -> Iterator[None]:
         """Keep the threads in which what is declared is called, and raise LinkError for an error of Zenoh."""
         before = {*threading.enumerate()}
-        with _errors(what):
-            yield
-        self._threads = {each for each in self._threads if each.is_alive()}
-        self._threads |= {each for each in threading.enumerate() if each.name.endswith(_CALLS)} - before
+        try:
+            with _errors(what):
+                yield
+        finally:  # a declaration that fails can have started some, too
+            begun = {each for each in threading.enumerate() if each.name.endswith(_CALLS)} - before
+            self._threads = {each for each in self._threads if each.is_alive()} | begun
 
 
 def open_session(host: str, port: int, configuration: str = "") -> Session:

@@ -6,12 +6,16 @@ import re
 from collections import Counter
 from typing import Final, NamedTuple
 
-from msggen.link.age import OtherClock
+from msggen.link.age import LONGEST_NS, OtherClock
 from msggen.link.link import Remote, Route
-from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of
-from msggen.link.rmw_zenoh.names import Key, beat_of, key_of_carried, place_in
+from msggen.link.rmw_zenoh.definitions import NEWEST, definition_of, release_of
+from msggen.link.rmw_zenoh.names import Key, Token, beat_of, gid_of, key_of_carried, place_in
 
-PX4: Final = re.compile("px4_([0-9a-f]{32})")
+STILL_NS: Final = LONGEST_NS
+"""How long nothing may arrive before nothing is sent: it would wait in the connection, and arrive when it is back."""
+CARRIED_STILL_NS: Final = 2_000_000_000
+"""The same for a vehicle that is carried: the process that carries it refuses what has waited, by its time."""
+_PX4: Final = re.compile("px4_([0-9a-f]{32})")
 """The names of the nodes of PX4's module `zenoh`, with the guid."""
 OLD: Final = re.compile(r"(?:rt/)?(?:[A-Za-z0-9_]+/)*fmu/out/[A-Za-z0-9_]+")
 """The keys of PX4 v1.16 and before."""
@@ -19,6 +23,7 @@ NO_HASHES: Final = (
     "the keys have no hashes of types (CONFIG_ZENOH_KEY_TYPE_HASH=n), so that nothing tells which version "
     "of a message the vehicle has: build its firmware with CONFIG_ZENOH_KEY_TYPE_HASH=y"
 )
+_HEADER: Final = 4
 _SESSIONS: Final = 4
 """The newest sessions of a vehicle whose beats are heard."""
 
@@ -69,6 +74,12 @@ class Identity(NamedTuple):
     """The name of the node: `px4_` and the guid."""
 
     @property
+    def guid(self) -> str:
+        """That of PX4, "" for a node of another program."""
+        found = _PX4.fullmatch(self.node)
+        return found[1] if found else ""
+
+    @property
     def space(self) -> str:
         """The keys of all topics that it publishes."""
         return f"{self.domain}/{self.namespace}/fmu/out/**" if self.namespace else f"{self.domain}/fmu/out/**"
@@ -112,6 +123,61 @@ class Vehicle:
         self.clock: OtherClock | None = None
         """The clock of the process that carries it, in ns since 1970, once it is heard."""
 
+    def add(self, text: str, token: Token, key: Key, now: int) -> None:
+        """Take the token of an endpoint."""
+        if self.is_carried:
+            self.gids.add(gid_of(text))
+            if token.zid not in self.sessions:
+                self.alive[self.beat_of(token.zid)] = now
+        self.sessions.setdefault(token.zid, {})[text] = key
+        self.told = now
+
+    def remove(self, text: str, zid: str) -> bool:
+        """Remove the token of an endpoint, and its session with the last one. Return whether it was there."""
+        keys = self.sessions.get(zid, {})
+        if keys.pop(text, None) is None:
+            return False
+        self.gids.discard(gid_of(text))
+        if not keys:
+            del self.sessions[zid]
+            self.alive.pop(self.beat_of(zid), None)
+        return True
+
+    def beat(self, key: str, time: int, now: int) -> None:
+        """Take a beat of a process that carries it, with the time of its clock."""
+        self.heard = self.alive[key] = now
+        self.clock = self.clock or OtherClock()
+        self.clock.hear(time, "")
+
+    def connect(self, number: int, now: int) -> Remote:
+        """Begin anew, with what the newest session has, and return the number and the names on the link."""
+        _, namespace, node = self.identity
+        guid = self.identity.guid
+        key = key_of_carried(node) or 0
+        self.remote = remote = Remote(number, guid or node, key, namespace, continued=False, guid=guid)
+        self.since = self.told = now
+        self.is_complete, self.clock, self.sequences = False, None, Sequences()
+        self.release = release_of((each.type_hash, message_of(each)) for each in self.newest)
+        return remote
+
+    def disconnect(self) -> None:
+        """Forget what is open."""
+        self.remote, self.routes, self.by_key, self.followed = None, {}, {}, frozenset()
+
+    def open(self, key: Key) -> Route | None:
+        """Open a route, and return it. None if there is one of its name."""
+        route, text = route_of(key, self), str(key)
+        if route.name in self.routes:
+            return None
+        self.routes = {**self.routes, route.name: Open(route, key, text)}  # other threads read it
+        self.by_key[text] = route
+        return route
+
+    @property
+    def newest(self) -> list[Key]:
+        """The keys of the newest session."""
+        return [*next(reversed(self.sessions.values()), {}).values()]
+
     @property
     def is_heard(self) -> bool:
         """Whether the clock of the process that carries it is known, if one does."""
@@ -123,12 +189,17 @@ class Vehicle:
         built = "PX4_UXRCE_DDS_NS when its firmware is built"
         return f"give each a namespace, {'`uxrce_dds_client start -n uav_1`' if self.is_carried else built}"
 
-    def has_twin(self, now: int, longest: int) -> bool:
-        """Whether another vehicle has its names: several processes have told in `longest` ns that they carry it.
+    @property
+    def silence(self) -> int:
+        """How long nothing may arrive from it before nothing is sent to it, in ns."""
+        return CARRIED_STILL_NS if self.is_carried else STILL_NS
+
+    def has_twin(self, now: int) -> bool:
+        """Whether another vehicle has its names: several processes have told just now that they carry it.
 
         Sessions of PX4 stay behind for a minute, so of those, two must publish.
         """
-        carriers = sum(now - heard <= longest for heard in tuple(self.alive.values()))
+        carriers = sum(now - heard <= CARRIED_STILL_NS for heard in tuple(self.alive.values()))
         return carriers > 1 or (self.sequences.are_two and not self.is_carried and len(self.sessions) > 1)
 
     @property
@@ -136,8 +207,8 @@ class Vehicle:
         """What it and another vehicle of its names are, for people."""
         _, namespace, node = self.identity
         place = f"in the namespace '{namespace}'" if namespace else "without a namespace"
-        key, found = key_of_carried(node), PX4.fullmatch(node)
-        name = f"key {key}" if key is not None else f"guid {found[1]}" if found else f"node {node}"
+        key, guid = key_of_carried(node), self.identity.guid
+        name = f"key {key}" if key is not None else f"guid {guid}" if guid else f"node {node}"
         return f"two vehicles with the {name} and {place}"
 
     @property
@@ -178,8 +249,7 @@ def message_of(key: Key) -> str:
 def route_of(key: Key, vehicle: Vehicle) -> Route:
     """Return the route of a key: with the version in its name, which PX4 leaves out, if the hash tells it."""
     found = definition_of(key.type_hash, message_of(key))
-    is_short = found is not None and PX4.fullmatch(vehicle.identity.node) is not None
-    name = found.named(key.name, vehicle.release) if found and is_short else key.name
+    name = found.named(key.name, vehicle.release) if found and vehicle.identity.guid else key.name
     return Route(
         name,
         key.ros_type,
@@ -188,6 +258,12 @@ def route_of(key: Key, vehicle: Vehicle) -> Route:
         key.type_hash,
         found.message_hash if found else 0,
     )
+
+
+def flow_of(key: Key, vehicle: Vehicle) -> Flow:
+    """Return where the samples of a key belong. The process that carries a vehicle has left out surplus bytes."""
+    found = None if vehicle.is_carried else definition_of(key.type_hash, message_of(key))
+    return Flow(vehicle, key, _HEADER + found.size if found else 0)
 
 
 def old_form(key: str) -> str:

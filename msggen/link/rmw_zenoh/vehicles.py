@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final
 
-from msggen.link.age import LONGEST_NS, OtherClock
 from msggen.link.link import (
     Connected,
     Disconnected,
@@ -28,40 +27,30 @@ from msggen.link.link import (
     StaleError,
     Warned,
 )
-from msggen.link.rmw_zenoh.definitions import definition_of, release_of
 from msggen.link.rmw_zenoh.names import (
     NO_HASH,
     Key,
     Token,
-    gid_of,
     is_since_1970,
-    key_of_carried,
     parse_attachment,
     parse_key,
     parse_token,
     place_in,
 )
 from msggen.link.rmw_zenoh.vehicle import (
+    CARRIED_STILL_NS,
     NO_HASHES,
     OLD,
-    PX4,
     Flow,
     Identity,
-    Open,
-    Sequences,
     Vehicle,
+    flow_of,
     is_out,
-    message_of,
     old_form,
-    route_of,
 )
 
 SILENCE_NS: Final = 5_000_000_000
 """How long nothing may arrive from a vehicle. The lease of its session, after which its tokens go, is 60 s."""
-STILL_NS: Final = LONGEST_NS
-"""How long nothing may arrive before nothing is sent: it would wait in the connection, and arrive when it is back."""
-CARRIED_STILL_NS: Final = 2_000_000_000
-"""The same for a vehicle that is carried: the process that carries it refuses what has waited, by its time."""
 GRACE_NS: Final = 1_000_000_000
 """How long the tokens of a vehicle may come after its first sample."""
 QUIET_NS: Final = 300_000_000
@@ -77,10 +66,8 @@ MAX_ENDPOINTS: Final = 1000
 """The endpoints of a vehicle."""
 MAX_KEYS: Final = 10_000
 """The keys of samples that are known by heart."""
-_HEADER: Final = 4
 
 NO_BEAT: Final = "is carried, but its beats do not arrive"
-NO_TOKENS: Final = "PX4 tells no topics here (CONFIG_ZENOH_RMW_LIVELINESS=n)"
 
 
 class Vehicles:
@@ -137,15 +124,11 @@ class Vehicles:
             self._flows[key, gid] = flow
         vehicle, parsed, end = flow
         vehicle.heard = now
-        if vehicle.remote is None:
-            self._connect(vehicle, now)
-        remote = vehicle.remote
-        if remote is None:
-            return
+        remote = vehicle.remote or self._connect(vehicle, now)
         route = vehicle.by_key.get(key)
         if route is None:
             vehicle.told = now
-            route = self._open(vehicle, parsed)
+            route = self._open(vehicle, remote, parsed)
         if route is None:
             self.refused["samples of another definition than that of the topic"] += 1
             return
@@ -161,9 +144,7 @@ class Vehicles:
         if told is None or vehicle is None or is_since_1970(told.time):
             self.refused["beats that are not of the form"] += 1
             return
-        vehicle.heard = vehicle.alive[key] = now
-        vehicle.clock = vehicle.clock or OtherClock()
-        vehicle.clock.hear(told.time, "")
+        vehicle.beat(key, told.time, now)
         if vehicle.remote is None:
             self._connect(vehicle, now)
 
@@ -182,8 +163,7 @@ class Vehicles:
                 )
             if now - vehicle.heard < SILENCE_NS:
                 continue
-            if vehicle.remote is not None:
-                self._disconnect(vehicle, f"nothing has arrived from it for {SILENCE_NS / 1e9:g} s")
+            self._disconnect(vehicle, f"nothing has arrived from it for {SILENCE_NS / 1e9:g} s")
             if not vehicle.sessions:
                 self._forget(vehicle)
 
@@ -236,11 +216,10 @@ class Vehicles:
             raise LinkError(
                 f"{readers} vehicles read {known.key.name}, so that each gets what is meant for another: {vehicle.cure}"
             )
-        if vehicle.has_twin(now, CARRIED_STILL_NS):
+        if vehicle.has_twin(now):
             raise LinkError(f"{vehicle.twins} are on this network, so that both get what is published: {vehicle.cure}")
-        longest = CARRIED_STILL_NS if vehicle.is_carried else STILL_NS
-        if now - vehicle.heard > longest or not vehicle.is_heard:
-            raise StaleError(f"nothing has arrived from the vehicle for more than {longest / 1e9:g} s: dropped")
+        if now - vehicle.heard > vehicle.silence or not vehicle.is_heard:
+            raise StaleError(f"nothing has arrived from the vehicle for more than {vehicle.silence / 1e9:g} s: dropped")
         return known.text
 
     def carried(self, remote: Remote) -> Vehicle | None:
@@ -286,18 +265,13 @@ class Vehicles:
             self.refused[f"endpoints above {MAX_ENDPOINTS} of a vehicle"] += 1
             return
         is_new, was_there = token.zid not in vehicle.sessions, vehicle.publishes
-        vehicle.sessions.setdefault(token.zid, {})[text] = key
-        vehicle.told = now
-        if vehicle.is_carried:
-            vehicle.gids.add(gid_of(text))
-            if is_new:
-                vehicle.alive[vehicle.beat_of(token.zid)] = now
+        vehicle.add(text, token, key, now)
         if is_new or vehicle.publishes != was_there:
             self._choose()
-        if is_new and vehicle.remote is not None and len(vehicle.sessions) > 1:
+        if is_new and len(vehicle.sessions) > 1:
             self._disconnect(vehicle, "it has begun another session")
         if vehicle.remote is not None:
-            self._open(vehicle, key)
+            self._open(vehicle, vehicle.remote, key)
         elif vehicle.publishes and (is_new or is_out(key)):
             vehicle.heard = now
             self._connect(vehicle, now)
@@ -305,60 +279,46 @@ class Vehicles:
             self._warn(NO_HASHES)
 
     def _remove(self, vehicle: Vehicle, text: str, zid: str, now: int) -> None:
-        keys = vehicle.sessions.get(zid)
         was_there = vehicle.publishes
-        if keys is None or keys.pop(text, None) is None:
+        if not vehicle.remove(text, zid):
             return
-        vehicle.gids.discard(gid_of(text))
-        if not keys:
-            del vehicle.sessions[zid]
-            vehicle.alive.pop(vehicle.beat_of(zid), None)
-        if not keys or vehicle.publishes != was_there:
+        has_ended = zid not in vehicle.sessions
+        if has_ended or vehicle.publishes != was_there:
             self._choose()
         if not vehicle.publishes:
             self._places.discard(vehicle.identity)
             self._disconnect(vehicle, f"its tokens are gone: {vehicle.teller} has ended")
             if not vehicle.sessions:
                 self._forget(vehicle)
-        elif not keys and vehicle.remote is not None:
+        elif has_ended and vehicle.remote is not None:
             left = {key for each in vehicle.sessions.values() for key in each.values()}
             if any(each.key not in left for each in vehicle.routes.values()):  # of a session before, and its firmware
                 self._disconnect(vehicle, "it has begun another session")
                 self._connect(vehicle, now)
 
-    def _connect(self, vehicle: Vehicle, now: int) -> None:
+    def _connect(self, vehicle: Vehicle, now: int) -> Remote:
         self._count += 1
-        identity = vehicle.identity
-        found = PX4.fullmatch(identity.node)
-        guid = found[1] if found else ""
-        address, key = guid or identity.node, key_of_carried(identity.node) or 0
-        remote = vehicle.remote = Remote(self._count, address, key, identity.namespace, continued=False, guid=guid)
+        remote = vehicle.connect(self._count, now)
         self._by_remote[remote.number] = vehicle
-        vehicle.since, vehicle.sequences = now, Sequences()
-        vehicle.told, vehicle.is_complete, vehicle.clock = now, False, None
         self._told(Connected(remote))
-        newest = next(reversed(vehicle.sessions.values()), {})
-        vehicle.release = release_of((key.type_hash, message_of(key)) for key in newest.values())
-        for each in newest.values():
-            self._open(vehicle, each)
+        for key in vehicle.newest:
+            self._open(vehicle, remote, key)
+        return remote
 
-    def _open(self, vehicle: Vehicle, key: Key) -> Route | None:
+    def _open(self, vehicle: Vehicle, remote: Remote, key: Key) -> Route | None:
         """Open a route, and return it. None if there is one of its name already, or too many."""
-        route, routes = route_of(key, vehicle), vehicle.routes
-        if vehicle.remote is None or route.name in routes or len(routes) >= MAX_ENDPOINTS:
-            return None
-        text = str(key)
-        vehicle.routes = {**routes, route.name: Open(route, key, text)}  # other threads read it
-        vehicle.by_key[text] = route
-        self._told(Opened(vehicle.remote, route))
+        route = vehicle.open(key) if len(vehicle.routes) < MAX_ENDPOINTS else None
+        if route is not None:
+            self._told(Opened(remote, route))
         return route
 
     def _disconnect(self, vehicle: Vehicle, reason: str) -> None:
-        remote, vehicle.remote = vehicle.remote, None
+        """Disconnect a vehicle, if it is connected."""
+        remote = vehicle.remote
         if remote is None:
             return
         del self._by_remote[remote.number]
-        vehicle.routes, vehicle.by_key, vehicle.followed = {}, {}, frozenset()
+        vehicle.disconnect()
         self._choose()
         self._told(Disconnected(remote, reason))
 
@@ -381,27 +341,27 @@ class Vehicles:
         if told is None:
             self.refused["samples without an attachment of the form"] += 1
             return None
-        node = f"px4_{told.gid.hex()}"
-        vehicle = self._vehicles.get(Identity(key.domain, place[0], node))
-        if vehicle is None:
-            inside = [each for each in self._vehicles.values() if each.identity[:2] == (key.domain, place[0])]
-            told_of = [each for each in inside if each.publishes]
-            others = [each for each in told_of if PX4.fullmatch(each.identity.node) is None]
-            carried = [each for each in others if told.gid in each.gids]
-            if len(others) == 1 and (carried or not others[0].is_carried):
-                vehicle = others[0]
-            elif carried:
-                vehicle = carried[0]
-            elif told_of:
-                self.refused["samples of a gid that no vehicle has"] += 1
-                return None
-            elif self._takes_place(identity := Identity(key.domain, place[0], node)):
-                vehicle = self._vehicle_of(identity, now)
+        vehicle = self._publisher(Identity(key.domain, place[0], f"px4_{told.gid.hex()}"), told.gid, now)
         if vehicle is None or not (self._takes_place(vehicle.identity) and self._is_known(vehicle, now)):
             return None
-        found = definition_of(key.type_hash, message_of(key))
-        has_surplus = found is not None and not vehicle.is_carried
-        return Flow(vehicle, key, _HEADER + found.size if found and has_surplus else 0)
+        return flow_of(key, vehicle)
+
+    def _publisher(self, identity: Identity, gid: bytes, now: int) -> Vehicle | None:
+        """Return who publishes with a gid: PX4, whose identity would be this one, or another node of its namespace."""
+        own = self._vehicles.get(identity)
+        if own is not None:
+            return own
+        there = [each for each in self._vehicles.values() if each.identity[:2] == identity[:2] and each.publishes]
+        others = [each for each in there if not each.identity.guid]
+        carried = [each for each in others if gid in each.gids]
+        if carried:
+            return carried[0]
+        if len(others) == 1 and not others[0].is_carried:
+            return others[0]
+        if there:
+            self.refused["samples of a gid that no vehicle has"] += 1
+            return None
+        return self._vehicle_of(identity, now) if self._takes_place(identity) else None
 
     def _is_known(self, vehicle: Vehicle, now: int) -> bool:
         """Whether a vehicle has tokens, or has had time enough to tell some."""
@@ -411,8 +371,8 @@ class Vehicles:
         if now - vehicle.since < GRACE_NS:
             return False
         self._warn(
-            f"{NO_TOKENS}: topics are known once they are published, and nothing can be published to the vehicle: "
-            "build its firmware with CONFIG_ZENOH_RMW_LIVELINESS=y"
+            "PX4 tells no topics here (CONFIG_ZENOH_RMW_LIVELINESS=n): topics are known once they are published, and "
+            "nothing can be published to the vehicle: build its firmware with CONFIG_ZENOH_RMW_LIVELINESS=y"
         )
         return True
 

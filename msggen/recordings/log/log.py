@@ -15,22 +15,13 @@ from msggen.recordings.columns.samples import Samples
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.reader import Reader
 from msggen.recordings.source.facts import NO_FACTS, Dropout, Event, Facts, Text
-from msggen.recordings.source.source import (
-    FOREVER,
-    Attached,
-    Checksums,
-    Contents,
-    Part,
-    Problem,
-    RecordingError,
-    Source,
-)
-from msggen.recordings.topics.choice import check_times, checked_time, listed
-from msggen.recordings.topics.find import Key, find, is_pattern, matching
+from msggen.recordings.source.source import Attached, Checksums, Contents, Part, Problem, RecordingError, Source
+from msggen.recordings.topics.choice import checked_time, listed
+from msggen.recordings.topics.find import Key, find
 from msggen.recordings.topics.topic import Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
     from types import ModuleType
     from typing import Literal, TypeVar
 
@@ -51,14 +42,6 @@ if TYPE_CHECKING:
     MessageT = TypeVar("MessageT")
 
 __all__ = ["Key", "Log"]
-
-_PLAUSIBLE = 1e6
-"""The largest time in s that may be behind a recording. Larger ones are in another unit, or since 1970."""
-
-_TIMES = 16
-"""The bytes of the two times of a sample."""
-_OBJECT = 8
-"""About how many times the size of its pointer an object has."""
 
 
 class Log:
@@ -364,7 +347,7 @@ class Log:
             topic.key: Collector(topic, self._reader.decoder(topic).dtype, 0 if limited else topic.known_count or 0)
             for topic in chosen
         }
-        for topic, rows, times, published in self._reader.rows(chosen, *self._limits(start, stop)):
+        for topic, rows, times, published in self._reader.rows(chosen, *self._reader.limits(start, stop)):
             collected[topic.key].add(rows, times, published)
         return {key: collector.samples() for key, collector in collected.items()}
 
@@ -376,7 +359,7 @@ class Log:
         stop: float | None = None,
     ) -> Iterator[Samples]:
         """Yield the samples of several topics piece by piece, in the order of the file, for files beyond the memory."""
-        for topic, rows, times, published in self._reader.rows(self.chosen(topics), *self._limits(start, stop)):
+        for topic, rows, times, published in self._reader.rows(self.chosen(topics), *self._reader.limits(start, stop)):
             own = np.array(times), None if published is None else np.array(published)  # they can be the file's
             yield Samples(topic.without_log, rows.view(self.dtype(topic)), *own)
 
@@ -424,8 +407,8 @@ class Log:
         of several files, each is begun when its first sample is reached. Raises RecordingError for topics in another
         encoding, for those of a ULog with names that ROS 2 does not allow, and for a recording that has only such.
         """
-        chosen = [topic for topic in self.topics if topic.has_cdr] if topics is None else self._named(topics)
-        return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
+        chosen = [topic for topic in self.topics if topic.has_cdr] if topics is None else self._reader.named(topics)
+        return self._reader.payloads(chosen or self.topics, *self._reader.limits(start, stop))
 
     def verify(self) -> Checksums:
         """Compare MCAP files with their checksums, and return how many chunks have one.
@@ -486,7 +469,7 @@ class Log:
         from msggen.recordings.log.align import align, rows_of
 
         chosen = [self.topic(each) for each in (first, *others)]
-        low, high = self._limits(start, stop)
+        low, high = self._reader.limits(start, stop)
         checked_time("tolerance", tolerance)
         earlier = later = None
         if by == "log_time" and tolerance < inf:  # by other times, partners can have any log time
@@ -544,7 +527,7 @@ class Log:
         from msggen.recordings.log.messages import messages_of, topic_of
 
         chosen = topic_of(self.topics, cls, instance) if topic is None else self.topic(topic, instance)
-        found = messages_of(self._reader, chosen, cls, self._limits(start, stop), is_converted=convert)
+        found = messages_of(self._reader, chosen, cls, self._reader.limits(start, stop), is_converted=convert)
         return found if times else (message for _, message in found)
 
     def compare(self, package: ModuleType) -> tuple[Compared, ...]:
@@ -564,8 +547,8 @@ class Log:
 
         A part is valid until the next one.
         """
-        chosen = self.topics if topics is None else self._named(topics)
-        yield from self._reader.undecoded(chosen, *self._limits(start, stop))
+        chosen = self.topics if topics is None else self._reader.named(topics)
+        yield from self._reader.undecoded(chosen, *self._reader.limits(start, stop))
 
     def chosen(self, topics: Iterable[Key | Topic] | None) -> list[Topic]:
         """Return the topics that `topics` name, by default those that can be decoded. Raises RecordingError.
@@ -573,7 +556,7 @@ class Log:
         Patterns take topics that can be decoded.
         """
         if topics is not None:
-            return self._named(topics, self._reader.can_decode)
+            return self._reader.named(topics, self._reader.can_decode)
         return [topic for topic in self.topics if self._reader.can_decode(topic)]
 
     def dtype(self, key: Key | Topic) -> np.dtype[Any]:
@@ -586,13 +569,7 @@ class Log:
         from msggen.recordings.log.ahead import Ahead
 
         topics = [topic for topic in self.topics if topic.known_count != 0]
-        return Ahead(topics, self._reader.can_decode, self._size_of, self.load)
-
-    def _size_of(self, topic: Topic) -> int:
-        """Return about how many bytes the samples of a topic have as an array. A database is searched once for this."""
-        dtype = self.dtype(topic)
-        size = dtype.itemsize * (_OBJECT if dtype.hasobject else 1) + _TIMES
-        return topic.count * size
+        return Ahead(topics, self._reader.can_decode, self._reader.size_of, self.load)
 
     def _in_passes(
         self, topics: Iterable[Key | Topic] | None, start: float | None, stop: float | None
@@ -600,29 +577,7 @@ class Log:
         """Yield keys and samples of topics, read in as few passes as their sizes allow."""
         from msggen.recordings.log.ahead import passes_over
 
-        for group in passes_over(self.chosen(topics), self._size_of):
+        for group in passes_over(self.chosen(topics), self._reader.size_of):
             loaded = self.load(group, start=start, stop=stop)
             for key in list(loaded):
                 yield key, loaded.pop(key)
-
-    def _named(self, topics: Iterable[Key | Topic], is_taken: Callable[[Topic], bool] = lambda _: True) -> list[Topic]:
-        """Return topics by names and patterns, each once. Patterns take only topics for which `is_taken` is true."""
-        found: dict[Topic, None] = {}
-        for key in [topics] if isinstance(topics, Topic) else listed(topics):
-            own = filter(is_taken, matching(self.topics, key)) if is_pattern(key) else [self.topic(key)]
-            found.update(dict.fromkeys(own))
-        return list(found)
-
-    def _limits(self, start: float | None, stop: float | None) -> tuple[int, int]:
-        """Return log times in ns for times in s after the start. Raises RecordingError, and TypeError."""
-        check_times(start, stop)
-        if start is not None and start > max(self.duration, _PLAUSIBLE):
-            raise RecordingError(
-                f"start: expected a time in s after the start of the recording, got {start:g}: "
-                f"the recording lasts {self.duration:.3f} s"
-            )
-        # samples can be older than the start
-        return self._log_time(start) if start else 0, FOREVER if stop is None else self._log_time(stop)
-
-    def _log_time(self, seconds: float) -> int:
-        return min(self.start + round(min(seconds * 1e9, FOREVER)), FOREVER)

@@ -14,6 +14,7 @@ from msggen.recordings.decode.left_out import LeftOut
 from msggen.recordings.log.origin import firmware_of
 from msggen.recordings.source.facts import NO_FACTS, Facts
 from msggen.recordings.source.source import (
+    FOREVER,
     Channel,
     Part,
     Problem,
@@ -21,22 +22,32 @@ from msggen.recordings.source.source import (
     SchemaError,
     Source,
 )
-from msggen.recordings.topics.find import by_name, topics_of
+from msggen.recordings.topics.choice import check_times, listed
+from msggen.recordings.topics.find import by_name, find, is_pattern, matching, topics_of
+from msggen.recordings.topics.topic import Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from msggen.recordings.decode.decoder import Decoded, Rows
     from msggen.recordings.definitions.lent import Lender, Lent
     from msggen.recordings.log.payloads import Encoder, Sample
-    from msggen.recordings.topics.find import Topics
-    from msggen.recordings.topics.topic import Topic
+    from msggen.recordings.topics.find import Key, Topics
 
     Times = NDArray[np.int64]
     Numbers = tuple[int, int]
     """The numbers of a file and of a channel in it."""
+
+
+_PLAUSIBLE = 1e6
+"""The largest time in s that may be behind a recording. Larger ones are in another unit, or since 1970."""
+
+_TIMES = 16
+"""The bytes of the two times of a sample."""
+_OBJECT = 8
+"""About how many times the size of its pointer an object has."""
 
 
 class _Files:
@@ -162,6 +173,37 @@ class Reader:
             *self.left_out.problems,
             *self._not_decoded(),
         ]
+
+    # what users ask for
+
+    def named(self, keys: Iterable[Key | Topic], is_taken: Callable[[Topic], bool] = lambda _: True) -> list[Topic]:
+        """Return topics by names and patterns, each once. Patterns take only topics for which `is_taken` is true."""
+        found: dict[Topic, None] = {}
+        for key in [keys] if isinstance(keys, Topic) else listed(keys):
+            own = filter(is_taken, matching(self.topics, key)) if is_pattern(key) else [find(self.by_name, key)]
+            found.update(dict.fromkeys(own))
+        return list(found)
+
+    def limits(self, start: float | None, stop: float | None) -> tuple[int, int]:
+        """Return log times in ns for times in s after the start. Raises RecordingError, and TypeError."""
+        check_times(start, stop)
+        duration = (self.end - self.start) / 1e9
+        if start is not None and start > max(duration, _PLAUSIBLE):
+            raise RecordingError(
+                f"start: expected a time in s after the start of the recording, got {start:g}: "
+                f"the recording lasts {duration:.3f} s"
+            )
+        # samples can be older than the start
+        return self._log_time(start) if start else 0, FOREVER if stop is None else self._log_time(stop)
+
+    def _log_time(self, seconds: float) -> int:
+        return min(self.start + round(min(seconds * 1e9, FOREVER)), FOREVER)
+
+    def size_of(self, topic: Topic) -> int:
+        """Return about how many bytes the samples of a topic have as an array. A database is searched once for this."""
+        dtype = self.decoder(topic).dtype
+        size = dtype.itemsize * (_OBJECT if dtype.hasobject else 1) + _TIMES
+        return topic.count * size
 
     # samples
 

@@ -1,8 +1,11 @@
-"""Tests of what is told of a router that others can reach, and of certificates, without sockets."""
+"""Tests of what is told of a router that others can reach, of certificates, and of failures, without sockets."""
 
 from __future__ import annotations
 
 import json
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +16,9 @@ from msggen.link.link import LinkError
 from msggen.link.rmw_zenoh.connection import Connection
 from support.ports import free_port
 
-pytest.importorskip("zenoh")
+zenoh = pytest.importorskip("zenoh")
+
+from msggen.link.rmw_zenoh.session import Session  # noqa: E402 - it needs eclipse-zenoh
 
 
 def configuration(folder: Path, **settings: Any) -> str:
@@ -86,3 +91,51 @@ def test_a_file_that_is_no_certificate_is_named(tmp_path: Path, tls: dict[str, s
         Connection("127.0.0.1", free_port(), config, lambda _: None).open()
     assert error.format(file=file) in str(raised.value)
     assert "rights of root" not in str(raised.value)
+
+
+class Failing:
+    """A session of Zenoh that closes within a declaration, once the thread of the function has begun."""
+
+    def __init__(self) -> None:
+        self.info = SimpleNamespace(zid=lambda: "0a")
+        self.threads: list[threading.Thread] = []
+
+    def liveliness(self) -> Any:
+        return self
+
+    def declare_publisher(self, _: str, **_options: Any) -> Any:
+        return self
+
+    def declare_matching_listener(self, _: Callable[[Any], None]) -> None:
+        self._fail()
+
+    def declare_subscriber(self, *_: Any, **_options: Any) -> None:
+        self._fail()
+
+    def close(self) -> None:
+        """Close it. A function that is called just now goes on."""
+
+    def _fail(self) -> None:
+        self.threads.append(threading.Thread(target=time.sleep, args=(0.2,), name="Thread-1 (pyo3-closure)"))
+        self.threads[-1].start()
+        raise zenoh.ZError("session closed")
+
+
+@pytest.mark.parametrize(
+    "declare",
+    [
+        lambda session: session.publisher("a/b", lambda _: None),
+        lambda session: session.subscribe("a/b", lambda *_: None),
+        lambda session: session.tokens(lambda *_: None),
+    ],
+    ids=["publisher", "subscribe", "tokens"],
+)
+def test_a_session_waits_for_threads_of_declarations_that_fail(declare: Callable[[Session], object]) -> None:
+    failing = Failing()
+    session = Session(failing, is_router=False)
+    with pytest.raises(LinkError, match="session closed"):
+        declare(session)
+    (thread,) = failing.threads
+    assert thread.is_alive()
+    session.close()
+    assert not thread.is_alive()

@@ -23,9 +23,9 @@ from msggen.link.link import (
     Warned,
 )
 from msggen.link.rmw_zenoh.names import NO_HASH, Attachment, Key, Token, beat_of, gid_of
+from msggen.link.rmw_zenoh.vehicle import CARRIED_STILL_NS, STILL_NS
 from msggen.link.rmw_zenoh.vehicles import (
     ANEW_NS,
-    CARRIED_STILL_NS,
     EVERYTHING,
     GRACE_NS,
     MAX_ENDPOINTS,
@@ -34,7 +34,6 @@ from msggen.link.rmw_zenoh.vehicles import (
     NO_BEAT,
     QUIET_NS,
     SILENCE_NS,
-    STILL_NS,
     Vehicles,
 )
 from support.zenoh_space import COMMAND, GUID, OTHER, STATUS, ZID, definition, token_of
