@@ -101,6 +101,7 @@ _RANGES = (
     "bytes \xb2-{last}/{size}",
     "bytes 0-0/0",
 )
+_SIZES = ("-1", "-5", "0", "5", "05", "+5", "5;a=b", "0x5", "5_0", " 5 ", "", "g", "f" * 12, "5" * 70_000)
 _FIELDS = (
     "Content-Length: -1",
     "Content-Length: 99999999999999999999",
@@ -241,6 +242,18 @@ def _lie(chance: Random, head: str, _: object) -> Iterator[bytes]:
         raise ConnectionError
 
 
+def _chunks(chance: Random, head: str, _: object) -> Iterator[bytes]:
+    """Answer in chunks, with sizes that are none, or wrong."""
+    data = _data()
+    start, stop = range_of(head, len(data)) if "\r\nRange: " in head else (0, 0)
+    fields = f"Content-Range: bytes {start}-{stop - 1}/{len(data)}\r\nTransfer-Encoding: chunked"
+    yield f"HTTP/1.1 206 a\r\n{fields}\r\n\r\n".encode()
+    for size in chance.choices(_SIZES, k=chance.choice((1, 1, 3, 300))):
+        yield f"{size}\r\n12345\r\n".encode()
+    if chance.random() < 0.7:
+        raise ConnectionError
+
+
 def _damage(chance: Random, head: str, _: object) -> Iterator[bytes]:
     """Answer rightly, but for some bytes, most of them of the head."""
     whole = bytearray(file_answer(head, _data()) if "\r\nRange: " in head else whole_answer("200 a"))
@@ -268,6 +281,7 @@ _KINDS: dict[str, Callable[[Random, str, dict[str, object]], Iterator[bytes]]] =
     "error": _error,
     "headers": _headers,
     "lie": _lie,
+    "chunks": _chunks,
     "damage": _damage,
     "drip": _drip,
 }

@@ -155,6 +155,7 @@ def test_an_answer_that_drips_ends_in_time(data: bytes, part: str, monkeypatch: 
 
 
 FRONT = "HTTP/1.1 206 a\r\n"
+CHUNKS = FRONT + "Content-Range: bytes 0-1/2\r\nTransfer-Encoding: chunked\r\n\r\n{}\r\n"
 WRONG = {
     "garbage": (b"\0\xff garbage\r\n\r\n", "what the server answers is not HTTP"),
     "headers": (FRONT.encode() + b"a: b\r\n" * 101 + b"\r\n", "what the server answers is not HTTP"),
@@ -175,6 +176,8 @@ WRONG = {
         f"{FRONT}Content-Range: bytes 0-9/10\r\nTransfer-Encoding: chunked\r\n\r\n5\r\n12345\r\nzz".encode(),
         "the connection broke off before the end of the answer",
     ),
+    "a chunk without end": (CHUNKS.format(-1).encode() + b"12", "what the server answers is not HTTP"),
+    "a chunk of less than nothing": (CHUNKS.format(-5).encode() + b"12", "what the server answers is not HTTP"),
     "no content": (whole_answer("204 a"), "the server answers with an error (204)"),
 }
 

@@ -7,7 +7,7 @@ import ssl
 from base64 import b64encode
 from contextlib import contextmanager, suppress
 from functools import cache
-from http.client import HTTPConnection, HTTPSConnection
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from threading import Event, Timer
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -19,7 +19,6 @@ from msggen.recordings.stores.errors import UNREACHABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from http.client import HTTPResponse
     from urllib.parse import SplitResult
 
 
@@ -65,6 +64,16 @@ def authorization(header: str, url: SplitResult) -> dict[str, str]:
         return {}
     text = f"{unquote(url.username)}:{unquote(url.password or '')}"
     return {header: f"Basic {b64encode(text.encode()).decode()}"}
+
+
+class _Answer(HTTPResponse):
+    """An answer in chunks of at least nothing: of less, http.client would read all that a server sends."""
+
+    def _read_next_chunk_size(self) -> int:
+        size: int = super()._read_next_chunk_size()  # type: ignore[misc]
+        if size < 0:
+            raise HTTPException(size)
+        return size
 
 
 class Connections:
@@ -116,6 +125,7 @@ def _connected(origin: Origin) -> HTTPConnection:
             connection = HTTPSConnection(host or "", port, timeout=limits.LIMITS.connect, context=_context())
             if proxy:
                 connection.set_tunnel(*origin[1:], headers=authorization(_OF_PROXY, proxy))
+        connection.response_class = _Answer
         connection.connect()
     except TimeoutError:
         raise
