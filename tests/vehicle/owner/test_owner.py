@@ -167,7 +167,7 @@ def test_a_call_that_nobody_waits_for_keeps_no_other_one_waiting(link: FakeLink,
         for vehicle in (first, second):
             vehicle.wait_connected(WAIT)
             with pytest.raises(LinkTimeoutError):
-                vehicle.call(request, 0.05)
+                vehicle.call(request, 0.5)
     assert [number for _, _, number, _ in link.calls] == [1, 2]
 
 
@@ -193,7 +193,7 @@ def test_a_call_that_is_refused_raises_at_once(
             assert (type(caught.value), str(caught.value)) == (LinkError, str(own.refusal))
         own.refusal = None
         with pytest.raises(LinkTimeoutError):
-            vehicle.call(request, 0.05)
+            vehicle.call(request, 0.5)
     assert len(own.calls) == 1
 
 
