@@ -99,6 +99,7 @@ class Failing:
     def __init__(self) -> None:
         self.info = SimpleNamespace(zid=lambda: "0a")
         self.threads: list[threading.Thread] = []
+        self._closing = threading.Event()
 
     def liveliness(self) -> Any:
         return self
@@ -114,11 +115,16 @@ class Failing:
 
     def close(self) -> None:
         """Close it. A function that is called just now goes on."""
+        self._closing.set()
 
     def _fail(self) -> None:
-        self.threads.append(threading.Thread(target=time.sleep, args=(0.2,), name="Thread-1 (pyo3-closure)"))
+        self.threads.append(threading.Thread(target=self._call, name="Thread-1 (pyo3-closure)"))
         self.threads[-1].start()
         raise zenoh.ZError("session closed")
+
+    def _call(self) -> None:
+        self._closing.wait(30)
+        time.sleep(0.1)
 
 
 @pytest.mark.parametrize(
