@@ -81,7 +81,7 @@ def test_no_vehicle_may_be_one_of_v1_15(url: str, own: Expected) -> None:
 def test_a_vehicle_of_v1_16_is_refused_with_the_reason(url: str, own: Expected) -> None:
     port = int(url.rpartition(":")[2])
     with session(port, "router") as router, repeated(lambda: router.put("fmu/out/vehicle_status", b"\0\1\0\0")):
-        found = judged(seen(url, QUICK._replace(wait=1.0)), own)
+        found = judged(seen(url, QUICK._replace(wait=4.0)), own)
     assert ids(found) == rules_of("old on Zenoh")
 
 

@@ -398,12 +398,12 @@ def test_a_service_is_called_in_a_session_of_its_own(bench: Bench, capsys: pytes
     ],
 )
 @pytest.mark.parametrize("types", [[], ["--types", PACKAGE]])
+@pytest.mark.usefixtures("px4_types")
 def test_wrong_calls_are_told_without_a_vehicle(
-    types: list[str], words: list[str], text: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
+    types: list[str], words: list[str], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert px4_types
     try:
-        code = main(["call", "--link", "udp://127.0.0.1:1", *types, *words])
+        code = main(["call", "--link", f"udp://127.0.0.1:{free_port()}", *types, *words])
     except SystemExit as error:
         code = int(error.code or 0)
     assert code == 2
