@@ -49,12 +49,11 @@ settings.load_profile("msggen")
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Return the number of processes for `-n auto`: two more than processors, because tests of links mostly wait.
+    """Return the number of processes for `-n auto`: one more than processors, because tests of links mostly wait.
 
-    Each costs ten seconds of CPU, in which it imports all tests. With one more than processors, a third of two
-    processors' time is left unused.
+    Each further one would cost ten seconds of CPU, in which it imports all tests.
     """
-    return 2 + (os.cpu_count() or 1)
+    return 1 + (os.cpu_count() or 1)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -19,7 +19,7 @@ from msggen.live import Vehicle
 from msggen.sim.publishing import Publication, Schedule
 from msggen.vehicle.entry import Memory
 from support.flown import Flown, fly
-from support.flying import QUICK, simulated
+from support.flying import CALM, QUICK, simulated
 from support.ports import free_port
 from support.served import owners
 
@@ -127,7 +127,7 @@ def test_the_last_samples_of_slow_topics_are_known_at_once(
             return [(await flight.telemetry.land()).age, (await flight.telemetry.battery()).age]
 
     publish_once(monkeypatch, *SLOW)
-    with simulated(px4_types, url, QUICK), Vehicle(url, px4_types) as vehicle:
+    with simulated(px4_types, url, CALM), Vehicle(url, px4_types) as vehicle:
         kept = [vehicle.subscribe(topic) for topic in SLOW]
         vehicle.wait_connected(WAIT)
         for subscription in kept:
