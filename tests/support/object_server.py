@@ -254,9 +254,9 @@ def set_credentials(patch: pytest.MonkeyPatch, endpoint: str) -> None:
 
 
 def hasten(patch: pytest.MonkeyPatch, fault: str = "") -> None:
-    """Let clients try once more and at once, and wait for a short time only for a server that stalls.
+    """Let clients try once more without a pause. Only of a server that stalls do they expect an answer in 0.5 s.
 
-    The answers of any other server come late on a busy computer.
+    The answers of other servers can come late on a busy computer.
     """
     from msggen.recordings.stores import limits
 

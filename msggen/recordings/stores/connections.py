@@ -66,8 +66,8 @@ def authorization(header: str, url: SplitResult) -> dict[str, str]:
     return {header: f"Basic {b64encode(text.encode()).decode()}"}
 
 
-class _Answer(HTTPResponse):
-    """An answer in chunks of at least nothing: of less, http.client would read all that a server sends."""
+class _Response(HTTPResponse):
+    """An answer that has no chunks of a negative size: for -1, http.client reads until the connection ends."""
 
     def _read_next_chunk_size(self) -> int:
         size: int = super()._read_next_chunk_size()  # type: ignore[misc]
@@ -125,7 +125,7 @@ def _connected(origin: Origin) -> HTTPConnection:
             connection = HTTPSConnection(host or "", port, timeout=limits.LIMITS.connect, context=_context())
             if proxy:
                 connection.set_tunnel(*origin[1:], headers=authorization(_OF_PROXY, proxy))
-        connection.response_class = _Answer
+        connection.response_class = _Response
         connection.connect()
     except TimeoutError:
         raise
