@@ -272,8 +272,8 @@ class World:
         data, sender.backlog = sender.backlog[:size], sender.backlog[size:]
         self._obey(sender, data)
 
-    def flow(self, nanoseconds: int) -> None:
-        """Let time pass, in which the line sends."""
+    def flow(self, nanoseconds: int, *, is_served: bool = False) -> None:
+        """Let time pass, in which the line sends. A link that is served writes as soon as the line has space."""
         left = nanoseconds
         while left > 0:
             step = min(left, 1_000_000 if self.device and self.device.buffer else left)
@@ -281,12 +281,14 @@ class World:
             left -= step
             if self.device is not None:
                 self.device.flow(step)
+            if is_served and isinstance(self.link, SerialLink):
+                self.link._ready(selectors.EVENT_WRITE, self.owner)
 
     def let_pass(self, _: int, seconds: float) -> None:
         """Let time pass, in which the link is served."""
         end = self.clock.time + round(seconds * _SECOND)
         while self.clock.time < end:
-            self.flow(min(_TICK, end - self.clock.time))
+            self.flow(min(_TICK, end - self.clock.time), is_served=True)
             self.look()
 
     def look(self) -> None:
