@@ -15,12 +15,12 @@ from support.flying import (
     CALM,
     EXTERNAL,
     LONG,
-    QUICK,
     RETURN,
     FlyingProgram,
     commander,
     fly,
     pass_time,
+    publish_once,
     ready,
     until,
     wait_long_for_replies,
@@ -107,9 +107,12 @@ def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any,
 @pytest.mark.slow
 @pytest.mark.usefixtures("owned")
 @by_day("way", ["limits", "await"], 2)
-def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any) -> None:
+def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(
+    way: str, url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With limits, it needs the home position at once, which PX4 does not repeat."""
-    with ready(url, px4_types, way, QUICK) as (simulator, program):
+    publish_once(monkeypatch, "home_position")
+    with ready(url, px4_types, way) as (simulator, program):
         follows(simulator, program, FlyingProgram(url, px4_types, way), is_lost=False, goes_on=True)
 
 

@@ -6,7 +6,6 @@ import asyncio
 import os
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,9 @@ from msggen.flight import Flight, Limits, NoAnswerError
 from msggen.flight.feeds import Feed
 from msggen.link.session_files import records_folder
 from msggen.live import Vehicle
-from msggen.sim.publishing import Publication, Schedule
 from msggen.vehicle.entry import Memory
 from support.flown import Flown, fly
-from support.flying import CALM, QUICK, simulated
+from support.flying import CALM, QUICK, publish_once, simulated
 from support.ports import free_port
 from support.served import owners
 
@@ -39,19 +37,6 @@ def home_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Let vehicles publish home_position once in a session."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     publish_once(monkeypatch, "home_position")
-
-
-def publish_once(monkeypatch: pytest.MonkeyPatch, *topics: str) -> None:
-    """Let vehicles publish topics once in a session."""
-    take, done = Schedule.take, set[tuple[int, str]]()
-
-    def taken(self: Schedule, now: int) -> Iterator[Publication]:
-        for each in take(self, now):
-            if each.topic not in topics or (id(self), each.topic) not in done:
-                yield each
-            done.add((id(self), each.topic))
-
-    monkeypatch.setattr(Schedule, "take", taken)
 
 
 async def home_of(flight: Flight) -> float:

@@ -12,11 +12,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from queue import Empty, Queue
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from msggen.flight import LOCAL_POSITION, Executor, Mode
 from msggen.sim import Options, Simulator
+from msggen.sim.publishing import Publication, Schedule
 from support.repository import ROOT
+
+if TYPE_CHECKING:
+    import pytest
 
 PATIENCE = 20.0
 LONG = 10.0
@@ -66,6 +71,20 @@ def simulated(package: ModuleType, url: str, options: Options = CALM, *, speed: 
     """Simulate a vehicle in a thread."""
     with Simulator(package, url, [options], speed=speed) as simulator:
         yield simulator
+
+
+def publish_once(monkeypatch: pytest.MonkeyPatch, *topics: str) -> None:
+    """Let vehicles publish topics once in a session."""
+    take, done = Schedule.take, WeakKeyDictionary[Schedule, set[str]]()
+
+    def taken(self: Schedule, now: int) -> Iterator[Publication]:
+        published = done.setdefault(self, set())
+        for each in take(self, now):
+            if each.topic not in topics or each.topic not in published:
+                yield each
+            published.add(each.topic)
+
+    monkeypatch.setattr(Schedule, "take", taken)
 
 
 def wait_long_for_replies(simulator: Simulator) -> None:
