@@ -127,10 +127,21 @@ class _Device:
     def __init__(self, baud: int) -> None:
         self.buffer = b""
         self.is_stalled = False
+        self.events = selectors.EVENT_READ
+        """What the link waits for."""
         self.arrive: Callable[[bytes], None] = lambda _: None
+        self.wake: Callable[[], None] = lambda: None
         self._baud, self._credit = baud, 0.0
         self._size = 4096 if baud > 115_200 else 128
         self._frames = Deframer(CLIENT)
+
+    def watch(self, _: int, events: int, __: object) -> None:
+        self.events = events
+
+    def serve(self) -> None:
+        """Wake the link if it waits for space, and there is some."""
+        if self.events & selectors.EVENT_WRITE and len(self.buffer) < self._size:
+            self.wake()
 
     def write(self, _: int, data: bytes) -> int:
         count = min(len(data), self._size - len(self.buffer))
@@ -193,10 +204,10 @@ class World:
         if case.kind == "serial":
             self.device, device.arrive = device, self._arrive
             self.client.address = "line"
-            self.link = SerialLink("line", case.baud)
-            self.link._fd = _DEVICE
-            key = SimpleNamespace(events=selectors.EVENT_READ)
-            self.link.selector = SimpleNamespace(get_key=lambda _: key, modify=lambda *_: None)  # type: ignore[assignment]
+            self.link = link = SerialLink("line", case.baud)
+            device.wake = lambda: link._ready(selectors.EVENT_WRITE, self.owner)
+            link._fd = _DEVICE
+            link.selector = SimpleNamespace(get_key=lambda _: device, modify=device.watch)  # type: ignore[assignment]
         else:
             self.link = _Datagrams(self._arrive)
         self.link.agent._time = clock
@@ -281,8 +292,8 @@ class World:
             left -= step
             if self.device is not None:
                 self.device.flow(step)
-            if is_served and isinstance(self.link, SerialLink):
-                self.link._ready(selectors.EVENT_WRITE, self.owner)
+                if is_served:
+                    self.device.serve()
 
     def let_pass(self, _: int, seconds: float) -> None:
         """Let time pass, in which the link is served."""
