@@ -8,12 +8,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from queue import Empty, Queue
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 from msggen.flight import LOCAL_POSITION, Executor, Mode
 from msggen.sim import Options, Simulator
@@ -74,17 +73,13 @@ def simulated(package: ModuleType, url: str, options: Options = CALM, *, speed: 
 
 
 def publish_once(monkeypatch: pytest.MonkeyPatch, *topics: str) -> None:
-    """Let vehicles publish topics once in a session."""
-    take, done = Schedule.take, WeakKeyDictionary[Schedule, set[str]]()
+    """Let vehicles publish topics once in a session, and when they change."""
+    begin = Schedule.__init__
 
-    def taken(self: Schedule, now: int) -> Iterator[Publication]:
-        published = done.setdefault(self, set())
-        for each in take(self, now):
-            if each.topic not in topics or each.topic not in published:
-                yield each
-            published.add(each.topic)
+    def begin_once(self: Schedule, publications: Sequence[Publication], start: int) -> None:
+        begin(self, [each._replace(interval=None) if each.topic in topics else each for each in publications], start)
 
-    monkeypatch.setattr(Schedule, "take", taken)
+    monkeypatch.setattr(Schedule, "__init__", begin_once)
 
 
 def wait_long_for_replies(simulator: Simulator) -> None:

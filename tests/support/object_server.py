@@ -254,9 +254,9 @@ def set_credentials(patch: pytest.MonkeyPatch, endpoint: str) -> None:
 
 
 def hasten(patch: pytest.MonkeyPatch, fault: str = "") -> None:
-    """Let clients try once more without a pause. Only of a server that stalls do they expect an answer in 0.5 s.
+    """Let clients try once more without a pause, and wait for 0.5 s if the server stalls.
 
-    The answers of other servers can come late on a busy computer.
+    They wait longer for other servers, whose answers can come late on a busy computer.
     """
     from msggen.recordings.stores import limits
 
